@@ -1,0 +1,67 @@
+//! What the machine may not know by itself, given to it by whoever runs it.
+
+use serde_json::Value as Json;
+
+use crate::code::{FnId, Program};
+use crate::value::Value;
+
+/// A question to the world outside of the run. Its answer becomes an event of the run's log.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Request {
+    /// The text of a file.
+    ReadFile(String),
+    /// Put a text into a file.
+    WriteFile {
+        /// The file.
+        path: String,
+        /// Its new text.
+        text: String,
+    },
+    /// Seconds since 1970 on the wall clock.
+    Clock,
+}
+
+/// Code for the machine to compile: the form of an edit, for the plan that it edits.
+pub struct CodeRequest<'a> {
+    /// The form, as data.
+    pub form: &'a Value,
+    /// The plan whose parameters it sees.
+    pub plan: FnId,
+    /// True if `(original)` may stand in it.
+    pub original: bool,
+}
+
+/// The root's part of a run.
+pub trait Host {
+    /// Writes text that the program prints.
+    fn print(&mut self, text: &str);
+
+    /// Answers a question to the outside, or says why not.
+    ///
+    /// # Errors
+    /// A sentence for the user: what could not be done, and why.
+    fn answer(&mut self, request: &Request) -> Result<Json, String>;
+
+    /// Compiles the code of an edit into the program.
+    ///
+    /// # Errors
+    /// The diagnostics, as text.
+    fn compile(&mut self, program: &mut Program, code: CodeRequest<'_>) -> Result<FnId, String>;
+
+    /// Told when a record starts or ends, for `--trace`.
+    fn trace(&mut self, _line: &str) {}
+}
+
+/// A host that prints nowhere and answers nothing: for macros, whose expansion has no world.
+#[derive(Debug, Default)]
+pub struct NoHost;
+
+impl Host for NoHost {
+    fn print(&mut self, _text: &str) {}
+    fn answer(&mut self, _request: &Request) -> Result<Json, String> {
+        Err("there is no world while macros are expanded".into())
+    }
+    fn compile(&mut self, _program: &mut Program, _code: CodeRequest<'_>) -> Result<FnId, String> {
+        Err("code cannot be compiled while macros are expanded".into())
+    }
+}

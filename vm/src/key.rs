@@ -1,0 +1,278 @@
+//! Keys: what makes a place in a plan the same place in another run.
+//!
+//! The key of a slot is its call site and a **chain** of steps: the rounds of the loops around
+//! it, the calls of functions between the plan and it, its occurrence where the site is reached
+//! again. A round is named by its element and the rank of that element among equal ones, so a
+//! shorter list, a skipped branch or a retry shifts nothing. Chains are interned: a key is two
+//! integers.
+
+use std::cell::RefCell;
+use std::rc::Rc;
+
+use rustc_hash::FxHashMap;
+
+use crate::code::SiteId;
+use crate::random::{hash_text, mix};
+use crate::value::{Imm, Obj, Symbol, Value};
+
+/// An element of a loop as part of a key: all that can be stored.
+#[derive(Debug, Clone, PartialEq, Eq, Hash)]
+pub enum Element {
+    /// An integer.
+    Int(i64),
+    /// A symbol.
+    Symbol(Symbol),
+    /// Any other value that prints as text that reads back, as that text.
+    Text(Rc<str>),
+}
+
+impl Element {
+    /// The element, if it can be stored.
+    #[must_use]
+    pub fn of(value: &Value) -> Option<Element> {
+        match value {
+            Value::Imm(Imm::Int(i)) => Some(Element::Int(*i)),
+            Value::Imm(Imm::Symbol(name)) => Some(Element::Symbol(*name)),
+            _ if is_storable(value) => Some(Element::Text(crate::print::write(value).into())),
+            _ => None,
+        }
+    }
+}
+
+/// How many parts an element of a loop may have to be its key.
+const STORABLE_PARTS: usize = 1000;
+
+/// True for numbers, strings, symbols, keywords, descriptions and collections of these.
+fn is_storable(value: &Value) -> bool {
+    let mut todo = vec![value.clone()];
+    for _ in 0..STORABLE_PARTS {
+        let Some(part) = todo.pop() else { return true };
+        match &part {
+            Value::Imm(Imm::Function(_) | Imm::Native(_)) => return false,
+            Value::Imm(_) => {}
+            Value::Obj(obj) => match &**obj {
+                Obj::Str(_) | Obj::Pose(_) | Obj::Vec3(_) | Obj::Path(_) => {}
+                Obj::Pair(first, rest) => todo.extend([first.clone(), rest.clone()]),
+                Obj::Vector(items) => todo.extend(items.iter().take(STORABLE_PARTS).cloned()),
+                Obj::Map(map) => todo.extend(map.iter().take(STORABLE_PARTS).flat_map(|(k, v)| [k.clone(), v.clone()])),
+                Obj::Desc(desc) => todo.extend(desc.values().cloned()),
+                _ => return false,
+            },
+        }
+    }
+    false
+}
+
+/// A step on the way from a plan to a call in it.
+#[derive(Debug, Clone, PartialEq, Eq, Hash)]
+pub enum Step {
+    /// A round of a loop: its element, and the rank of that among equal ones before it.
+    Round(Element, u32),
+    /// A round of a loop over what cannot be stored: its number.
+    Number(u32),
+    /// A call of a function, by its site.
+    Call(SiteId),
+    /// What was called where the source does not say: the name of the plan or the action's type.
+    Name(Symbol),
+    /// The site was reached before with the same key, so many times.
+    Again(u32),
+    /// Code that an edit brought in, by the number of the edit.
+    Edit(u32),
+}
+
+/// A chain of steps, as an index into [`Keys`]. Zero is the empty chain.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+pub struct Chain(pub u32);
+
+/// A round of `dotimes` directly in the plan is by far the most frequent chain: it is its number
+/// with this bit set and is not looked up.
+const DIRECT: u32 = 1 << 31;
+
+impl Chain {
+    /// No steps.
+    pub const EMPTY: Chain = Chain(0);
+
+    /// The chain of one round of `dotimes`.
+    #[inline(always)]
+    #[must_use]
+    pub fn round(number: i64) -> Option<Chain> {
+        (0..i64::from(DIRECT)).contains(&number).then_some(Chain(number as u32 | DIRECT))
+    }
+}
+
+/// The key of a slot among its siblings.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+pub struct Key {
+    /// The call.
+    pub site: SiteId,
+    /// The way to it.
+    pub chain: Chain,
+}
+
+/// All chains of a tree.
+#[derive(Debug, Clone)]
+pub struct Keys {
+    links: Vec<Link>,
+    index: FxHashMap<(Chain, Step), Chain>,
+}
+
+#[derive(Debug, Clone)]
+struct Link {
+    before: Chain,
+    step: Step,
+    hash: u64,
+}
+
+impl Default for Keys {
+    fn default() -> Keys {
+        let nothing = Link { before: Chain::EMPTY, step: Step::Number(0), hash: 0 };
+        Keys { links: vec![nothing], index: FxHashMap::default() }
+    }
+}
+
+impl Keys {
+    /// The chain with one more step. `site_hash` says what a call site is in words.
+    pub fn then(&mut self, chain: Chain, step: Step, site_hash: impl Fn(SiteId) -> u64) -> Chain {
+        if chain == Chain::EMPTY
+            && let Step::Round(Element::Int(number), 0) = step
+            && let Some(direct) = Chain::round(number)
+        {
+            return direct;
+        }
+        let next = Chain(self.links.len() as u32);
+        let entry = self.index.entry((chain, step));
+        if let std::collections::hash_map::Entry::Occupied(known) = &entry {
+            return *known.get();
+        }
+        let step = entry.key().1.clone();
+        entry.insert_entry(next);
+        let hash = mix(self.hash(chain) ^ step_hash(&step, site_hash));
+        self.links.push(Link { before: chain, step, hash });
+        next
+    }
+
+    /// The chain with one more step, if it is known.
+    #[must_use]
+    pub fn find(&self, chain: Chain, step: &Step) -> Option<Chain> {
+        self.index.get(&(chain, step.clone())).copied()
+    }
+
+    /// The steps of a chain, first to last.
+    #[must_use]
+    pub fn steps(&self, mut chain: Chain) -> Vec<Step> {
+        let mut steps = Vec::new();
+        while chain != Chain::EMPTY {
+            if chain.0 & DIRECT != 0 {
+                steps.push(Step::Round(Element::Int(i64::from(chain.0 & !DIRECT)), 0));
+                break;
+            }
+            let link = &self.links[chain.0 as usize];
+            steps.push(link.step.clone());
+            chain = link.before;
+        }
+        steps.reverse();
+        steps
+    }
+
+    /// A number that stands for what the chain says, the same in every run of the program.
+    #[inline]
+    #[must_use]
+    pub fn hash(&self, chain: Chain) -> u64 {
+        if chain.0 & DIRECT != 0 {
+            return mix(step_hash(&Step::Round(Element::Int(i64::from(chain.0 & !DIRECT)), 0), |_| 0));
+        }
+        self.links[chain.0 as usize].hash
+    }
+}
+
+fn step_hash(step: &Step, site_hash: impl Fn(SiteId) -> u64) -> u64 {
+    let (kind, what) = match step {
+        Step::Round(Element::Int(i), rank) => (1, mix(*i as u64) ^ u64::from(*rank)),
+        Step::Round(Element::Symbol(name), rank) => (2, hash_text(name) ^ u64::from(*rank)),
+        Step::Round(Element::Text(text), rank) => (3, hash_text(text) ^ u64::from(*rank)),
+        Step::Number(n) => (4, u64::from(*n)),
+        Step::Call(site) => (5, site_hash(*site)),
+        Step::Name(name) => (6, hash_text(name)),
+        Step::Again(n) => (7, u64::from(*n)),
+        Step::Edit(id) => (8, u64::from(*id)),
+    };
+    mix(what ^ mix(kind))
+}
+
+/// The ranks of the elements of a list that a `dolist` walks, counted as far as it has come.
+///
+/// A loop that calls no plan never makes one; one that does counts each element once.
+#[derive(Debug)]
+pub struct Ranks(RefCell<Counted>);
+
+#[derive(Debug)]
+struct Counted {
+    /// What follows the last element counted.
+    rest: Value,
+    /// The step of the last element counted.
+    step: Step,
+    /// Number of the last round.
+    round: u32,
+    /// How often each element came.
+    seen: FxHashMap<Element, u32>,
+}
+
+impl Ranks {
+    /// Ranks for the elements of `list`, none counted.
+    #[must_use]
+    pub fn new(list: Value) -> Ranks {
+        let step = Step::Number(0);
+        Ranks(RefCell::new(Counted { rest: list, step, round: 0, seen: FxHashMap::default() }))
+    }
+
+    /// The step of the round after whose element `rest` is left.
+    #[must_use]
+    pub fn step(&self, rest: &Value) -> Step {
+        let counted = &mut *self.0.borrow_mut();
+        while !counted.rest.identical(rest) {
+            let Some((first, after)) = counted.rest.as_pair() else { break };
+            let (first, after) = (first.clone(), after.clone());
+            counted.add(&first);
+            counted.rest = after;
+        }
+        counted.step.clone()
+    }
+}
+
+impl Counted {
+    fn add(&mut self, value: &Value) {
+        self.round += 1;
+        let Some(element) = Element::of(value) else {
+            self.step = Step::Number(self.round);
+            return;
+        };
+        let count = self.seen.entry(element.clone()).or_insert(0);
+        self.step = Step::Round(element, *count);
+        *count += 1;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn equal_elements_are_told_apart_by_rank() {
+        let list = Value::list(["a", "b", "a"].map(Value::symbol));
+        let ranks = Ranks::new(list.clone());
+        let rests: Vec<Value> = std::iter::successors(Some(list), |it| Some(it.as_pair()?.1.clone())).skip(1).collect();
+        let step = |name: &str, rank| Step::Round(Element::Symbol(name.into()), rank);
+        assert_eq!(ranks.step(&rests[1]), step("b", 0));
+        assert_eq!(ranks.step(&rests[2]), step("a", 1));
+    }
+
+    #[test]
+    fn chains_are_interned_and_read_back() {
+        let mut keys = Keys::default();
+        let one = keys.then(Chain::EMPTY, Step::Call(SiteId(3)), |_| 7);
+        let two = keys.then(one, Step::Again(1), |_| 7);
+        assert_eq!(keys.then(one, Step::Again(1), |_| 7), two);
+        assert_eq!(keys.steps(two), [Step::Call(SiteId(3)), Step::Again(1)]);
+        assert_eq!(keys.steps(Chain::round(5).expect("small")), [Step::Round(Element::Int(5), 0)]);
+    }
+}

@@ -1,0 +1,40 @@
+//! The machine of Pleach: a register VM whose plan frames are the running halves of the nodes of
+//! a task tree.
+//!
+//! Read in this order: [`value`] what programs compute with; [`op`] and [`code`] what the
+//! compiler makes; [`tree`] and [`key`] what a run grows; [`machine`] how it runs; [`edit`] how
+//! a place of a plan is changed.
+//!
+//! This crate does no input or output, reads no clock and draws no random number of its own:
+//! the caller hands these in as a [`host::Host`]. The same program, seed and answers give the
+//! same tree, to the bit.
+
+pub mod value;
+pub mod desc;
+pub mod geometry;
+pub mod failure;
+pub mod print;
+pub mod arith;
+pub mod random;
+
+pub mod op;
+pub mod code;
+pub mod disasm;
+pub mod verify;
+
+pub mod key;
+pub mod path;
+pub mod tree;
+pub mod edit;
+pub mod show;
+
+pub mod host;
+pub mod limits;
+pub mod log;
+pub mod native;
+pub mod machine;
+
+pub use code::{FnId, Place, Program};
+pub use failure::{Builtin, Failure};
+pub use machine::{Machine, Outcome, Progress};
+pub use value::{Symbol, Value};

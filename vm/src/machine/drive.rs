@@ -1,0 +1,576 @@
+//! Drivers: calls that take several steps.
+//!
+//! A plan call without goal or edits is one frame. A performed description has to be grounded
+//! and may have a goal; edits put code before, after, around or instead of a call. Such a call
+//! has a [`Driver`] that says which step is next, and a frame whose program counter is
+//! [`RESUME`]: when what it called returns there, [`Machine::resume`] takes the next step.
+//!
+//! ```text
+//!   goal true? ─yes─▶ skipped          wraps ─▶ body (replace ─▶ … ─▶ ground ─▶ plan)
+//!       │no                              ▲              │
+//!       ▼                                │              ▼
+//!    befores ────────────────────────────┘     goal true? ─▶ afters ─▶ value
+//! ```
+
+use crate::code::{FnId, FnKind, SiteId};
+use crate::edit::What;
+use crate::failure::{Builtin, Failure};
+use crate::host::Host;
+use crate::native::{Raise, type_error};
+use crate::path::Path;
+use crate::tree::{COUNTED, DRIVEN, NodeKind, RecId, SlotId, Status, Tree, Why};
+use crate::value::{Imm, Obj, Symbol, Value};
+
+use super::call::Slow;
+use super::{Exit, Frame, Machine, RESUME, Run};
+
+/// A call that takes several steps.
+pub(super) struct Call {
+    pub site: SiteId,
+    pub slot: SlotId,
+    /// The record that it is called from.
+    pub parent: RecId,
+    /// What is called.
+    pub body: Body,
+    /// The arguments, as edits have changed them.
+    pub args: Vec<Value>,
+    /// A function that says whether the goal is reached.
+    pub goal: Option<Value>,
+    /// Numbers of the edits that hold for this call.
+    pub edits: Vec<u32>,
+    /// Its record, once it has been made.
+    pub rec: RecId,
+    /// What the call returned.
+    value: Value,
+    stage: Stage,
+}
+
+/// What a call runs.
+#[derive(Clone, Copy)]
+pub(super) enum Body {
+    /// This plan.
+    Plan(FnId),
+    /// What the description, its only argument, is grounded to.
+    Action,
+}
+
+/// What a call waits for.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Stage {
+    GoalBefore,
+    /// The code of the `n`-th `before`.
+    Before(usize),
+    /// The body, or the code of a `wrap`.
+    Around,
+    /// The code of the `n`-th `after`.
+    After(usize),
+}
+
+/// What waits in a frame that goes on at [`RESUME`].
+pub(super) enum Driver {
+    /// A call.
+    Call(Box<Call>),
+    /// The code of a `wrap`: `(original)` in it runs the wrap with the next smaller number.
+    Wrap(usize),
+    /// The body of a record.
+    Body(Layer),
+}
+
+/// One layer of the body of a record.
+pub(super) struct Layer {
+    /// `0` for the plan itself, else the code of the `n`-th `replace`.
+    number: usize,
+    rec: RecId,
+    /// True for the outermost layer: it checks the goal and ends the record.
+    outermost: bool,
+    phase: Phase,
+}
+
+/// What a layer of a body waits for.
+enum Phase {
+    /// `ground` has been asked what to run.
+    Ground,
+    /// The code runs.
+    Run,
+    /// The goal is being checked; then this is the value.
+    Goal(Value),
+}
+
+impl Call {
+    pub(super) fn of_plan(site: SiteId, slot: SlotId, parent: RecId, plan: FnId, args: Vec<Value>) -> Call {
+        Call {
+            site,
+            slot,
+            parent,
+            body: Body::Plan(plan),
+            args,
+            goal: None,
+            edits: Vec::new(),
+            rec: RecId(0),
+            value: Value::NIL,
+            stage: Stage::GoalBefore,
+        }
+    }
+}
+
+impl Machine {
+    // ------------------------------------------------------------------ starting
+
+    /// `(perform desc :goal goal)`
+    pub(super) fn perform(
+        &mut self,
+        host: &mut dyn Host,
+        d: u8,
+        site: SiteId,
+        desc: Value,
+        goal: Option<Value>,
+    ) -> Slow {
+        let Some(it) = desc.as_desc() else { return Err(type_error("a description to perform", &desc)) };
+        let name = it.entity_type().unwrap_or(it.kind);
+        let slot = self.slot_of_call(site, name);
+        let run = self.top();
+        let parent = run.record(run.here);
+        let call = Call { body: Body::Action, goal, ..Call::of_plan(site, slot, parent, FnId(0), vec![desc]) };
+        self.drive(host, d, call)
+    }
+
+    /// `(run-plan plan :args args :tree tree)`: a run of its own on top of this one.
+    pub(super) fn run_plan(
+        &mut self,
+        host: &mut dyn Host,
+        d: u8,
+        plan: &Value,
+        args: Vec<Value>,
+        tree: Option<Value>,
+    ) -> Slow {
+        let function = match plan {
+            Value::Imm(Imm::Function(function)) if self.program.functions[function.at()].kind == FnKind::Plan => *function,
+            _ => return Err(type_error("a plan", plan)),
+        };
+        let args = self.arrange(function, args)?;
+        let start = match &tree {
+            Some(tree) => tree.as_tree().ok_or_else(|| type_error("a tree", tree))?.for_next_run(),
+            None => Tree::default(),
+        };
+        if self.runs.len() >= MOST_RUNS {
+            return Err(self.over(Builtin::TooDeep, "run-plan is nested deeper than", MOST_RUNS, "runs"));
+        }
+        let below = self.top();
+        let deliver = below.base as usize + d as usize;
+        let mut run = Run::new(start, false);
+        run.deliver = deliver;
+        // The plan returns to a frame without instructions: its value ends the run.
+        run.pc = RESUME;
+        self.runs.push(run);
+        let name = self.program.functions[function.at()].name;
+        let slot = self.slot_of_call(SiteId(0), name);
+        match self.drive(host, 0, Call::of_plan(SiteId(0), slot, RecId(1), function, args)) {
+            Ok(exit) => Ok(exit),
+            Err(raise) => Ok(self.unwind(host, raise)),
+        }
+    }
+
+    /// Starts a call that may take several steps: makes its record, applies its edits.
+    pub(super) fn drive(&mut self, host: &mut dyn Host, d: u8, mut call: Call) -> Slow {
+        let kind = match call.body {
+            Body::Plan(_) => NodeKind::Plan,
+            Body::Action => NodeKind::Action,
+        };
+        let run = self.top();
+        call.rec = run.tree.enter(call.parent, call.slot, kind, &call.args, run.now);
+        run.tree.record_mut(call.rec).flags |= DRIVEN;
+        self.trace_start(host, call.rec);
+        let run = self.top();
+        run.frames.push(Frame { pc: run.pc, base: run.base, here: run.here, dst: d });
+        // The driver's frame: register 0 takes what it called returns.
+        let above = self.driver_base();
+        let run = self.top();
+        (run.pc, run.base) = (RESUME, above);
+        let rec = call.rec;
+        self.apply_edits(&mut call);
+        if let Some(skip) = self.find_edits(&call, |what| matches!(what, What::Skip(_))).last() {
+            let value = match &self.edit(*skip).what {
+                What::Skip(Some(value)) => value.clone(),
+                _ => Value::NIL,
+            };
+            self.skip(host, rec, Why::Edit, value.clone());
+            return self.return_value(value);
+        }
+        match call.goal.clone() {
+            Some(goal) => {
+                self.top().drivers.push(Driver::Call(Box::new(call)));
+                self.ask_goal(host, &goal)
+            }
+            None => {
+                call.stage = Stage::Before(0);
+                self.next_step(host, Box::new(call))
+            }
+        }
+    }
+
+    /// The base of a driver's frame: above the frame that it is called from.
+    fn driver_base(&mut self) -> u32 {
+        let run = &self.runs[self.runs.len() - 1];
+        let used = match run.pc {
+            RESUME => 1,
+            pc => {
+                let function = self.program.function_at(super::Pc(pc.saturating_sub(1)));
+                function.map_or(1, |it| self.program.functions[it.at()].registers)
+            }
+        };
+        let base = run.base + u32::from(used);
+        let run = self.top();
+        if run.stack.len() < base as usize + 512 {
+            let len = run.stack.len() * 2;
+            run.stack.resize(len, Value::NIL);
+        }
+        base
+    }
+
+    /// Keeps the edits whose guards hold, and changes parameters as they say.
+    fn apply_edits(&mut self, call: &mut Call) {
+        let run = &self.runs[self.runs.len() - 1];
+        let all: Vec<u32> = run.tree.edits_of(call.slot).to_vec();
+        let mut notes = Vec::new();
+        let mut args = call.args.clone();
+        for id in all {
+            match self.guard_problem(call, id) {
+                None => {
+                    call.edits.push(id);
+                    if let What::WithParam(key, value) = &self.edit(id).what {
+                        self.change_param(call.body, &mut args, *key, value);
+                    }
+                }
+                Some(problem) => notes.push(problem),
+            }
+        }
+        let changed = call.args.iter().zip(&args).any(|(a, b)| !a.identical(b));
+        let counted = call.edits.iter().any(|id| matches!(self.edit(*id).what, What::Replace(_)));
+        let run = self.top();
+        if changed {
+            let written = std::mem::replace(&mut call.args, args);
+            run.tree.extra_mut(call.rec).written = Some(written);
+            run.tree.set_args(call.rec, &call.args);
+        }
+        if counted {
+            run.tree.record_mut(call.rec).flags |= COUNTED;
+        }
+        if !notes.is_empty() {
+            run.tree.extra_mut(call.rec).notes = notes;
+        }
+    }
+
+    fn edit(&self, id: u32) -> &crate::edit::Edit {
+        &self.runs[self.runs.len() - 1].tree.edits[id as usize - 1].edit
+    }
+
+    fn find_edits(&self, call: &Call, wanted: impl Fn(&What) -> bool) -> Vec<u32> {
+        call.edits.iter().copied().filter(|id| wanted(&self.edit(*id).what)).collect()
+    }
+
+    /// Why an edit does not hold for a call as made, if it does not.
+    fn guard_problem(&self, call: &Call, id: u32) -> Option<String> {
+        let accepted = &self.runs[self.runs.len() - 1].tree.edits[id as usize - 1];
+        let word = accepted.edit.word();
+        let callee = match call.body {
+            Body::Plan(function) => self.program.functions[function.at()].name,
+            Body::Action => self.runs[self.runs.len() - 1].tree.slot(call.slot).name,
+        };
+        if callee != accepted.callee {
+            return Some(format!("{word} not applied: it was made for `{}`, the call is of `{callee}`", accepted.callee));
+        }
+        for (key, wanted) in &accepted.edit.guard {
+            let actual = self.param(call.body, &call.args, *key);
+            let same = actual.as_ref().is_some_and(|actual| crate::value::equal(actual, wanted, 100_000) == Some(true));
+            if !same {
+                let actual = actual.map_or("missing".into(), |value| crate::print::brief(&value));
+                return Some(format!(
+                    "{word} not applied: its guard wants :{key} {}, the call has {actual}",
+                    crate::print::brief(wanted)
+                ));
+            }
+        }
+        None
+    }
+
+    /// A parameter of a plan by name, or a property of a performed description.
+    fn param(&self, body: Body, args: &[Value], key: Symbol) -> Option<Value> {
+        match body {
+            Body::Plan(function) => {
+                let at = self.program.functions[function.at()].params.names.iter().position(|name| *name == key)?;
+                args.get(at).cloned()
+            }
+            Body::Action => args.first()?.as_desc()?.get(key).cloned(),
+        }
+    }
+
+    fn change_param(&self, body: Body, args: &mut [Value], key: Symbol, value: &Value) {
+        match body {
+            Body::Plan(function) => {
+                let names = &self.program.functions[function.at()].params.names;
+                if let Some(arg) = names.iter().position(|name| *name == key).and_then(|at| args.get_mut(at)) {
+                    *arg = value.clone();
+                }
+            }
+            Body::Action => {
+                if let Some(arg) = args.first_mut()
+                    && let Some(desc) = arg.as_desc()
+                {
+                    *arg = Value::desc(desc.with(key, value.clone()));
+                }
+            }
+        }
+    }
+
+    // ------------------------------------------------------------------ going on
+
+    /// What a driver called has returned.
+    pub(super) fn resume(&mut self, host: &mut dyn Host, value: Value) -> Slow {
+        // The program counter stands behind the Resume instruction: the frame is a driver's.
+        self.top().pc = RESUME;
+        match self.top().drivers.pop() {
+            Some(Driver::Call(call)) => self.call_resumed(host, call, value),
+            Some(Driver::Wrap(_)) => self.return_value(value),
+            Some(Driver::Body(layer)) => self.body_resumed(host, layer, value),
+            None => Ok(Some(Exit::Done(value))),
+        }
+    }
+
+    fn call_resumed(&mut self, host: &mut dyn Host, mut call: Box<Call>, value: Value) -> Slow {
+        call.stage = match call.stage {
+            Stage::GoalBefore if value.is_true() => {
+                self.skip(host, call.rec, Why::Goal, Value::NIL);
+                Stage::After(0)
+            }
+            Stage::GoalBefore => Stage::Before(0),
+            Stage::Before(n) => Stage::Before(n + 1),
+            Stage::Around => {
+                if !self.top().tree.record(call.rec).status.is_final() {
+                    self.skip(host, call.rec, Why::Edit, value.clone());
+                }
+                call.value = value;
+                Stage::After(0)
+            }
+            Stage::After(n) => Stage::After(n + 1),
+        };
+        self.next_step(host, call)
+    }
+
+    fn body_resumed(&mut self, host: &mut dyn Host, mut layer: Layer, value: Value) -> Slow {
+        let goal = self.calling().and_then(|call| call.goal.clone()).filter(|_| layer.outermost);
+        let rec = layer.rec;
+        match (layer.phase, goal) {
+            (Phase::Ground, _) => {
+                layer.phase = Phase::Run;
+                self.top().drivers.push(Driver::Body(layer));
+                self.run_grounded(host, rec, &value)
+            }
+            (Phase::Run, Some(goal)) => {
+                layer.phase = Phase::Goal(value);
+                self.top().drivers.push(Driver::Body(layer));
+                self.ask_goal(host, &goal)
+            }
+            (Phase::Run, None) => {
+                if layer.outermost {
+                    self.end_record(host, rec, Status::Succeeded, value.clone());
+                }
+                self.return_value(value)
+            }
+            (Phase::Goal(result), _) if value.is_true() => {
+                self.end_record(host, rec, Status::Succeeded, result.clone());
+                self.return_value(result)
+            }
+            (Phase::Goal(_), _) => {
+                layer.phase = Phase::Run;
+                self.top().drivers.push(Driver::Body(layer));
+                Err(self.goal_not_reached(rec))
+            }
+        }
+    }
+
+    /// Starts the code of the stage that a call has come to, or returns from the call.
+    fn next_step(&mut self, host: &mut dyn Host, mut call: Box<Call>) -> Slow {
+        if let Stage::Before(n) = call.stage {
+            let befores = self.find_edits(&call, |what| matches!(what, What::Before(_)));
+            if let Some(id) = befores.get(n) {
+                return self.run_edit(call, *id);
+            }
+            call.stage = Stage::Around;
+            let (wraps, rec) = (self.find_edits(&call, |what| matches!(what, What::Wrap(_))).len(), call.rec);
+            self.top().drivers.push(Driver::Call(call));
+            return if wraps > 0 { self.run_wrap(wraps, 0) } else { self.run_body(host, rec, None, 0) };
+        }
+        if let Stage::After(n) = call.stage {
+            let afters = self.find_edits(&call, |what| matches!(what, What::After(_)));
+            if let Some(id) = afters.get(n) {
+                return self.run_edit(call, *id);
+            }
+        }
+        self.return_value(call.value)
+    }
+
+    /// Runs the code of an edit beside the call; the call waits for it.
+    fn run_edit(&mut self, call: Box<Call>, id: u32) -> Slow {
+        let (code, args) = (self.code_of(id), call.args.clone());
+        self.top().drivers.push(Driver::Call(call));
+        self.enter_code(code, args)
+    }
+
+    fn enter_code(&mut self, code: Option<FnId>, args: Vec<Value>) -> Slow {
+        let code = code.ok_or_else(|| Box::new(Failure::new(Builtin::ProgramError, "the edit has no code")))?;
+        self.enter(0, code, args, &[]);
+        Ok(None)
+    }
+
+    fn ask_goal(&mut self, host: &mut dyn Host, goal: &Value) -> Slow {
+        self.call_value(host, 0, SiteId(0), goal, Vec::new())
+    }
+
+    fn goal_not_reached(&self, rec: RecId) -> Raise {
+        let run = &self.runs[self.runs.len() - 1];
+        let path = Path::of(&run.tree, run.tree.record(rec).slot);
+        let message = format!("the goal of {} is not true after it", path.show());
+        let fields = vec![("message", Value::str(message)), ("of", Value::new(Obj::Path(Box::new(path))))];
+        Box::new(Failure::with(Builtin::GoalNotReached, fields))
+    }
+
+    /// Makes the record of a call final that is not run.
+    fn skip(&mut self, host: &mut dyn Host, rec: RecId, why: Why, value: Value) {
+        self.top().tree.record_mut(rec).why = why;
+        self.end_record(host, rec, Status::Skipped, value);
+    }
+
+    // ------------------------------------------------------------------ bodies and wraps
+
+    /// The call that the innermost drivers work for.
+    fn calling(&self) -> Option<&Call> {
+        self.runs[self.runs.len() - 1].drivers.iter().rev().find_map(|driver| match driver {
+            Driver::Call(call) => Some(&**call),
+            _ => None,
+        })
+    }
+
+    /// Pushes a driver with a frame of its own; it returns to register `d` of the running frame.
+    fn push_driver(&mut self, driver: Driver, d: u8) {
+        let above = self.driver_base();
+        let run = self.top();
+        run.frames.push(Frame { pc: run.pc, base: run.base, here: run.here, dst: d });
+        (run.pc, run.base) = (RESUME, above);
+        run.drivers.push(driver);
+    }
+
+    /// Runs the code of wrap number `n`, counted from 1, the last being the outermost.
+    fn run_wrap(&mut self, n: usize, d: u8) -> Slow {
+        let Some(call) = self.calling() else { return Ok(None) };
+        let id = self.find_edits(call, |what| matches!(what, What::Wrap(_)))[n - 1];
+        let (code, args) = (self.code_of(id), call.args.clone());
+        self.push_driver(Driver::Wrap(n), d);
+        self.enter_code(code, args)
+    }
+
+    fn code_of(&self, edit: u32) -> Option<FnId> {
+        self.runs[self.runs.len() - 1].tree.edits[edit as usize - 1].code
+    }
+
+    /// Runs the body of a call as record `rec`: all layers, or those from `inner` down.
+    fn run_body(&mut self, host: &mut dyn Host, rec: RecId, inner: Option<usize>, d: u8) -> Slow {
+        let Some(call) = self.calling() else { return Ok(None) };
+        let replaces = self.find_edits(call, |what| matches!(what, What::Replace(_)));
+        let number = inner.unwrap_or(replaces.len());
+        let (body, args) = (call.body, call.args.clone());
+        let phase = if number == 0 && matches!(body, Body::Action) { Phase::Ground } else { Phase::Run };
+        let layer = Layer { number, rec, outermost: inner.is_none(), phase };
+        self.push_driver(Driver::Body(layer), d);
+        self.top().here = super::Here(rec.0);
+        match (number.checked_sub(1), body) {
+            (Some(at), _) => self.enter_code(self.code_of(replaces[at]), args),
+            (None, Body::Plan(plan)) => self.enter_code(Some(plan), args),
+            (None, Body::Action) => match self.program.ground {
+                Some(ground) => self.call_value(host, 0, SiteId(0), &Value::Imm(Imm::Function(ground)), args),
+                None => Err(not_grounded(&args[0])),
+            },
+        }
+    }
+
+    /// `ground` has answered: nil, or a list of a plan and its arguments.
+    fn run_grounded(&mut self, host: &mut dyn Host, rec: RecId, answer: &Value) -> Slow {
+        let desc = self.top().tree.args(rec).first().cloned().unwrap_or_default();
+        if answer.is_nil() {
+            return Err(not_grounded(&desc));
+        }
+        let wanted = || type_error("a list of a plan and its arguments from `ground`", answer);
+        let (plan, args) = answer.as_pair().ok_or_else(wanted)?;
+        let args = args.to_vec().ok_or_else(wanted)?;
+        self.top().tree.extra_mut(rec).grounded = Some(answer.clone());
+        match plan {
+            Value::Imm(Imm::Function(function)) => {
+                let args = self.arrange(*function, args)?;
+                self.enter_code(Some(*function), args)
+            }
+            _ => self.call_value(host, 0, SiteId(0), plan, args),
+        }
+    }
+
+    /// `(original)` in the code of a `wrap` or `replace`.
+    pub(super) fn original(&mut self, host: &mut dyn Host, d: u8) -> Slow {
+        match self.top().drivers.last() {
+            Some(Driver::Wrap(n)) if *n > 1 => {
+                let inner = n - 1;
+                self.run_wrap(inner, d)
+            }
+            Some(Driver::Wrap(_)) => {
+                let rec = self.attempt();
+                self.run_body(host, rec, None, d)
+            }
+            Some(Driver::Body(Layer { number, rec, .. })) if *number > 0 => {
+                let (inner, rec) = (number - 1, *rec);
+                self.run_body(host, rec, Some(inner), d)
+            }
+            _ => Err(Box::new(Failure::new(Builtin::ProgramError, "there is no original here"))),
+        }
+    }
+
+    /// The record for one evaluation of `(original)` in a wrap: the call's own, then new attempts.
+    fn attempt(&mut self) -> RecId {
+        let Some(call) = self.calling() else { return RecId(0) };
+        let (rec, slot, parent, args) = (call.rec, call.slot, call.parent, call.args.clone());
+        let run = self.top();
+        if !run.tree.record(rec).status.is_final() {
+            return rec;
+        }
+        let kind = run.tree.record(rec).kind;
+        let rec = run.tree.enter(parent, slot, kind, &args, run.now);
+        run.tree.record_mut(rec).flags |= DRIVEN;
+        rec
+    }
+
+    // ------------------------------------------------------------------ failing
+
+    /// A failure has come to a driver's frame. Gives it back, perhaps changed.
+    pub(super) fn driver_failed(&mut self, host: &mut dyn Host, failure: Value) -> Result<(), Value> {
+        match self.top().drivers.pop() {
+            Some(Driver::Call(call)) => {
+                if !self.top().tree.record(call.rec).status.is_final() {
+                    if let Stage::Before(_) = call.stage {
+                        self.top().tree.record_mut(call.rec).why = Why::Before;
+                    }
+                    self.end_record(host, call.rec, Status::Failed, failure.clone());
+                }
+            }
+            Some(Driver::Body(Layer { rec, outermost: true, .. })) => {
+                self.end_record(host, rec, Status::Failed, failure.clone());
+            }
+            Some(Driver::Body(_) | Driver::Wrap(_)) | None => {}
+        }
+        Err(failure)
+    }
+}
+
+/// How deep `run-plan` may nest.
+const MOST_RUNS: usize = 100;
+
+fn not_grounded(desc: &Value) -> Raise {
+    let message = format!("no rule says which plan performs {}", crate::print::brief(desc));
+    let fields = vec![("message", Value::str(message)), ("action", desc.clone())];
+    Box::new(Failure::with(Builtin::ActionNotGrounded, fields))
+}

@@ -1,0 +1,119 @@
+//! Adding edits to a tree: paths become slots, code is compiled, what cannot hold is refused.
+
+use std::rc::Rc;
+
+use crate::code::FnId;
+use crate::edit::{Accepted, Edit, What};
+use crate::failure::{Builtin, Failure};
+use crate::host::{CodeRequest, Host};
+use crate::native::{Raise, type_error};
+use crate::path::Path;
+use crate::tree::{NodeKind, ROOT, SlotId, Tree};
+use crate::value::{Obj, Value};
+
+use super::Machine;
+
+impl Machine {
+    /// `(edit-tree tree edits)`: all edits or none.
+    pub(super) fn edit_tree(&mut self, host: &mut dyn Host, tree: &Value, edits: &Value) -> Result<Value, Raise> {
+        let mut tree = Tree::clone(tree.as_tree().ok_or_else(|| type_error("a tree", tree))?);
+        let mut refused = Vec::new();
+        for value in crate::native::list(edits)? {
+            let Some(Obj::Edit(edit)) = value.obj() else { return Err(type_error("an edit", &value)) };
+            match self.accept(host, &tree, edit) {
+                Ok((slot, accepted)) => drop(tree.add_edit(slot, accepted)),
+                Err(why) => refused.push((value, why)),
+            }
+        }
+        if refused.is_empty() {
+            return Ok(Value::new(Obj::Tree(Rc::new(tree))));
+        }
+        let lines: Vec<String> = refused.iter().map(|(edit, why)| format!("{}: {why}", crate::print::brief(edit))).collect();
+        let edits = Value::list(refused.into_iter().map(|(edit, _)| edit).collect::<Vec<_>>());
+        let fields = vec![("message", Value::str(lines.join("\n"))), ("edit", edits)];
+        Err(Box::new(Failure::with(Builtin::EditRefused, fields)))
+    }
+
+    /// The slot of an edit and what holds there, or why it is refused.
+    fn accept(&mut self, host: &mut dyn Host, tree: &Tree, edit: &Edit) -> Result<(SlotId, Accepted), String> {
+        let slot = edit.at.find(tree)?;
+        if slot == ROOT {
+            return Err("the root is not called, so nothing can be changed there".into());
+        }
+        let after = match &edit.what {
+            What::Defer(after) | What::Owe { after, .. } => find_all(tree, slot, after)?,
+            _ => Vec::new(),
+        };
+        self.check_value(tree, slot, edit)?;
+        let plan = self.plan_at(tree, slot)?;
+        let code = match &edit.what {
+            What::Replace(code) | What::Wrap(code) => Some((code, true)),
+            What::Before(code) | What::After(code) | What::Owe { code, .. } => Some((code, false)),
+            What::Skip(_) | What::WithParam(..) | What::Defer(_) => None,
+        };
+        let code = match code {
+            Some((form, original)) => Some(host.compile(&mut self.program, CodeRequest { form, plan, original })?),
+            None => None,
+        };
+        let callee = tree.slot(slot).name;
+        Ok((slot, Accepted { edit: Rc::new(edit.clone()), callee, code, after }))
+    }
+
+    /// A call whose value is used can be left out only with another value in its place.
+    fn check_value(&self, tree: &Tree, slot: SlotId, edit: &Edit) -> Result<(), String> {
+        let used = self.program.sites[tree.slot(slot).key.site.at()].value_used;
+        let path = Path::of(tree, slot).show();
+        match &edit.what {
+            What::Skip(None) if used => Err(format!("the value of {path} is used; say `:value v` for what it should be")),
+            What::Defer(_) if used => Err(format!("the value of {path} is used, so it cannot be performed later")),
+            What::WithParam(key, _) => {
+                let Some(rec) = tree.shown(slot) else { return Ok(()) };
+                let names = match tree.record(rec).kind {
+                    NodeKind::Action => return Ok(()),
+                    _ => &self.program.functions[self.plan_at(tree, slot)?.at()].params.names,
+                };
+                if names.contains(key) {
+                    return Ok(());
+                }
+                let known: Vec<&str> = names.iter().map(|name| name.as_str()).collect();
+                Err(format!("{path} has no parameter `{key}`, only {}", known.join(", ")))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// The plan that was called at a slot.
+    fn plan_at(&self, tree: &Tree, slot: SlotId) -> Result<FnId, String> {
+        if let Some(plan) = self.program.sites[tree.slot(slot).key.site.at()].callee {
+            return Ok(plan);
+        }
+        let name = tree.slot(slot).name;
+        let by_name = self.program.functions.iter().rposition(|function| function.name == name);
+        let is_action = tree.shown(slot).is_some_and(|rec| tree.record(rec).kind == NodeKind::Action);
+        match by_name {
+            Some(at) if !is_action => Ok(FnId(at as u32)),
+            _ => self.program.ground.ok_or_else(|| format!("`{name}` is no plan of the program")),
+        }
+    }
+}
+
+/// The slots of some paths; they must lie outside of the place that waits for them.
+fn find_all(tree: &Tree, slot: SlotId, paths: &[Path]) -> Result<Vec<SlotId>, String> {
+    if paths.is_empty() {
+        return Err("`:after` names no task".into());
+    }
+    let mut slots = Vec::new();
+    for path in paths {
+        let other = path.find(tree)?;
+        if is_within(tree, other, slot) || is_within(tree, slot, other) {
+            return Err(format!("{} cannot wait for {}: one is part of the other", Path::of(tree, slot).show(), path.show()));
+        }
+        slots.push(other);
+    }
+    Ok(slots)
+}
+
+/// True if `slot` is `of` or below it.
+fn is_within(tree: &Tree, slot: SlotId, of: SlotId) -> bool {
+    std::iter::successors(Some(slot), |at| Some(tree.slot(*at).parent).filter(|up| up.0 != 0)).any(|at| at == of)
+}

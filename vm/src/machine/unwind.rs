@@ -1,0 +1,140 @@
+//! Failures: from the instruction that raises one to the handler that takes it.
+//!
+//! Handlers and clean-ups cost nothing until a failure looks for them: each frame it leaves is
+//! looked up in the form map, innermost form first.
+
+use std::rc::Rc;
+
+use crate::code::{FormKind, Place};
+use crate::host::Host;
+use crate::native::Raise;
+use crate::path::Path;
+use crate::tree::{DRIVEN, Status};
+use crate::value::{Obj, Value};
+
+use super::{Exit, Machine, Pc, RESUME};
+
+/// Failures that are kept in one chain of causes, or beside one failure.
+const MOST_KEPT: usize = 100;
+
+impl Machine {
+    /// Carries a failure to the innermost place that takes it. The run goes on there, or the
+    /// failure has left it.
+    pub(super) fn unwind(&mut self, host: &mut dyn Host, mut raise: Raise) -> Option<Exit> {
+        self.say_where(&mut raise);
+        let mut failure = Value::failure(*raise);
+        loop {
+            if self.top().pc == RESUME {
+                match self.driver_failed(host, failure) {
+                    Ok(()) => return None,
+                    Err(passed) => failure = passed,
+                }
+            } else {
+                match self.find_handler(failure) {
+                    Ok(()) => return None,
+                    Err(passed) => failure = passed,
+                }
+            }
+            let run = self.top();
+            let Some(frame) = run.frames.pop() else { return Some(Exit::Failed(failure)) };
+            let (rec, below) = (run.record(run.here), run.record(frame.here));
+            (run.pc, run.base, run.here) = (frame.pc, frame.base, frame.here);
+            if rec != below && run.tree.record(rec).flags & DRIVEN == 0 {
+                self.end_record(host, rec, Status::Failed, failure.clone());
+            }
+        }
+    }
+
+    /// Notes where the failure was raised, unless it comes from elsewhere.
+    fn say_where(&self, raise: &mut Raise) {
+        let run = &self.runs[self.runs.len() - 1];
+        if raise.place.is_none() {
+            raise.place = self.place_of_frame();
+        }
+        if raise.task.is_none() {
+            let slot = run.tree.record(run.record(run.here)).slot;
+            raise.task = Some(Path::of(&run.tree, slot).show().into());
+        }
+    }
+
+    /// The place in the source that the innermost frame stands at.
+    pub(super) fn place_of_frame(&self) -> Option<Place> {
+        let run = &self.runs[self.runs.len() - 1];
+        let pcs = std::iter::once(run.pc).chain(run.frames.iter().rev().map(|frame| frame.pc));
+        let pc = pcs.filter(|pc| *pc != RESUME).find(|pc| *pc > 0)?;
+        self.program.places.get(pc as usize - 1).copied()
+    }
+
+    /// Looks for a handler or clean-up around the program counter of the running frame. Gives the
+    /// failure back if there is none, with what it picked up on the way.
+    fn find_handler(&mut self, mut failure: Value) -> Result<(), Value> {
+        let run = &self.runs[self.runs.len() - 1];
+        let at = Pc(run.pc.saturating_sub(1));
+        let Some(function) = self.program.function_at(at) else { return Err(failure) };
+        if !self.program.functions[function.at()].guards {
+            return Err(failure);
+        }
+        let form = self.program.form_at(function, at);
+        let forms: Vec<FormKind> = self.program.forms_outward(form).map(|(_, form)| form.kind).collect();
+        for kind in forms {
+            match kind {
+                FormKind::Guarded { handler, failure: register } => {
+                    *self.top().register(register) = failure;
+                    self.top().pc = handler.0;
+                    return Ok(());
+                }
+                FormKind::Protected { cleanup, pending } => {
+                    *self.top().register(pending) = failure;
+                    self.top().pc = cleanup.0;
+                    return Ok(());
+                }
+                FormKind::Clauses { failure: register } => {
+                    let handled = self.reg(register).clone();
+                    failure = caused_by(failure, &handled);
+                }
+                FormKind::CleanUp { pending } => {
+                    let waiting = self.reg(pending).clone();
+                    if waiting.as_failure().is_some() && !waiting.identical(&failure) {
+                        failure = with_also(&waiting, failure);
+                    }
+                }
+                FormKind::Body | FormKind::Step | FormKind::Round(_) => {}
+            }
+        }
+        Err(failure)
+    }
+}
+
+/// A failure that left a handler: what was being handled is its first cause.
+fn caused_by(failure: Value, handled: &Value) -> Value {
+    if failure.identical(handled) || !chain_ends(&failure, handled) {
+        return failure;
+    }
+    add_cause(&failure, handled, MOST_KEPT)
+}
+
+/// True if `handled` is not yet among the causes.
+fn chain_ends(failure: &Value, handled: &Value) -> bool {
+    let causes = std::iter::successors(failure.as_failure(), |it| it.cause.as_ref()?.as_failure());
+    !causes.take(MOST_KEPT).any(|it| it.cause.as_ref().is_some_and(|cause| cause.identical(handled)))
+}
+
+fn add_cause(failure: &Value, cause: &Value, depth: usize) -> Value {
+    let (Some(it), true) = (failure.as_failure(), depth > 0) else { return failure.clone() };
+    let mut it = it.clone();
+    it.cause = Some(match &it.cause {
+        Some(earlier) => add_cause(earlier, cause, depth - 1),
+        None => cause.clone(),
+    });
+    Value::failure(it)
+}
+
+/// A failure, with another one that ended after it.
+pub(super) fn with_also(failure: &Value, other: Value) -> Value {
+    let Some(it) = failure.as_failure() else { return other };
+    let mut it = it.clone();
+    if it.also.len() < MOST_KEPT {
+        it.also.push(other);
+    }
+    Value::Obj(Rc::new(Obj::Failure(Box::new(it))))
+}

@@ -1,0 +1,105 @@
+//! Paths: how slots are printed and read.
+//!
+//! `top-level / transporting :call 2 / fetching`: names from the root, with the rank among
+//! siblings of one name where it is not 1. Attempts are never part of a path.
+
+use crate::tree::{ROOT, SlotId, Tree};
+use crate::value::Symbol;
+
+/// A path in a task tree.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Path {
+    /// From the root, which is not named.
+    pub steps: Vec<PathStep>,
+}
+
+/// One step down.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct PathStep {
+    /// The name of the task.
+    pub name: Symbol,
+    /// Its rank among siblings of that name, from 1.
+    pub call: u32,
+}
+
+impl Ord for Path {
+    fn cmp(&self, other: &Path) -> std::cmp::Ordering {
+        let words = |path: &Path| path.steps.iter().map(|step| (step.name.as_str(), step.call)).collect::<Vec<_>>();
+        words(self).cmp(&words(other))
+    }
+}
+impl PartialOrd for Path {
+    fn partial_cmp(&self, other: &Path) -> Option<std::cmp::Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl Path {
+    /// As a form that makes an equal path: `(path main (transporting :call 2) fetching)`.
+    #[must_use]
+    pub fn print(&self) -> String {
+        let steps = self.steps.iter().map(|step| match step.call {
+            1 => format!(" {}", step.name),
+            call => format!(" ({} :call {call})", step.name),
+        });
+        format!("(path{})", steps.collect::<String>())
+    }
+
+    /// As shown to people: `main / transporting :call 2 / fetching`.
+    #[must_use]
+    pub fn show(&self) -> String {
+        let steps = self.steps.iter().map(|step| match step.call {
+            1 => step.name.to_string(),
+            call => format!("{} :call {call}", step.name),
+        });
+        std::iter::once("top-level".to_string()).chain(steps).collect::<Vec<_>>().join(" / ")
+    }
+
+    /// The path of a slot that the tree's run reached.
+    #[must_use]
+    pub fn of(tree: &Tree, slot: SlotId) -> Path {
+        let mut steps = Vec::new();
+        let mut at = slot;
+        while at != ROOT && at.0 != 0 {
+            let it = tree.slot(at);
+            let same_name = tree.children(it.parent).into_iter().filter(|child| tree.slot(*child).name == it.name);
+            let before = same_name.take_while(|child| *child != at).count();
+            steps.push(PathStep { name: it.name, call: before as u32 + 1 });
+            at = it.parent;
+        }
+        steps.reverse();
+        Path { steps }
+    }
+
+    /// The slot at this path, or how far the path could be followed and what is there.
+    ///
+    /// # Errors
+    /// A sentence that names the step that is missing and its siblings.
+    pub fn find(&self, tree: &Tree) -> Result<SlotId, String> {
+        let mut at = ROOT;
+        for (depth, step) in self.steps.iter().enumerate() {
+            if depth == 0 && step.name == "top-level" {
+                continue;
+            }
+            let children = tree.children(at);
+            let same_name: Vec<SlotId> =
+                children.iter().copied().filter(|child| tree.slot(*child).name == step.name).collect();
+            let found = (step.call as usize).checked_sub(1).and_then(|at| same_name.get(at));
+            at = *found.ok_or_else(|| {
+                let here = Path { steps: self.steps[..depth].to_vec() }.show();
+                match same_name.len() {
+                    0 => format!("there is no `{}` in {here}, only {}", step.name, names(tree, &children)),
+                    n => format!("`{}` was called {n} times in {here}, there is no call {}", step.name, step.call),
+                }
+            })?;
+        }
+        Ok(at)
+    }
+}
+
+/// The different names of some slots, for a message.
+fn names(tree: &Tree, slots: &[SlotId]) -> String {
+    let mut names: Vec<&str> = slots.iter().map(|slot| tree.slot(*slot).name.as_str()).collect();
+    names.dedup();
+    if names.is_empty() { "no tasks".into() } else { names.join(", ") }
+}

@@ -1,0 +1,229 @@
+//! Trees for people and programs: text, JSON, lines of a trace.
+//!
+//! Names and values come from programs: control characters are escaped, so showing a tree is safe
+//! on any terminal.
+
+use serde_json::{Map as JsonMap, Value as Json, json};
+
+use crate::code::Program;
+use crate::path::Path;
+use crate::print::Printer;
+use crate::tree::{NodeKind, ROOT, RecId, SlotId, Status, Tree};
+use crate::value::{Symbol, Value};
+
+/// A value in one short line.
+fn brief(program: &Program, value: &Value, most: usize) -> String {
+    Printer::new(Some(program), true, most).text(value)
+}
+
+/// Text from elsewhere without control characters.
+#[must_use]
+pub fn safe(text: &str) -> String {
+    text.chars().flat_map(|c| if c.is_control() { c.escape_default().collect() } else { vec![c] }).collect()
+}
+
+/// Names and values of the parameters of a record; those not given are left out.
+#[must_use]
+pub fn params(program: &Program, tree: &Tree, rec: RecId) -> Vec<(Symbol, Value)> {
+    let record = tree.record(rec);
+    let args = tree.args(rec);
+    let names = match record.kind {
+        NodeKind::Action => vec![Symbol::from("action")],
+        _ => plan_params(program, tree, record.slot),
+    };
+    let named = args.into_iter().enumerate().map(|(i, value)| {
+        let name = names.get(i).copied().unwrap_or_else(|| Symbol::from(&i.to_string()));
+        (name, value)
+    });
+    named.filter(|(_, value)| !value.is_unset()).collect()
+}
+
+fn plan_params(program: &Program, tree: &Tree, slot: SlotId) -> Vec<Symbol> {
+    let slot = tree.slot(slot);
+    let callee = program.sites.get(slot.key.site.at()).and_then(|site| site.callee);
+    let function = match callee {
+        Some(callee) => program.functions.get(callee.at()),
+        None => program.functions.iter().rfind(|function| function.name == slot.name),
+    };
+    function.map_or_else(Vec::new, |function| function.params.names.clone())
+}
+
+/// Seconds with as many digits as they need, at most nine.
+#[must_use]
+pub fn seconds(ns: u64) -> String {
+    let text = format!("{}.{:09}", ns / 1_000_000_000, ns % 1_000_000_000);
+    text.trim_end_matches('0').trim_end_matches('.').to_string()
+}
+
+/// What became of a task, in a few words.
+fn outcome(program: &Program, tree: &Tree, rec: RecId) -> String {
+    let record = tree.record(rec);
+    let mut words = record.status.word().to_string();
+    if !record.why.word().is_empty() {
+        words += &format!(" ({})", record.why.word());
+    }
+    match record.status {
+        Status::Succeeded | Status::Skipped if !record.value.is_nil() => {
+            words += &format!(" → {}", brief(program, &record.value, 60));
+        }
+        Status::Failed => {
+            if let Some(failure) = record.value.as_failure() {
+                words += &format!(": {}", failure.name);
+            }
+        }
+        _ => {}
+    }
+    words
+}
+
+/// One line of text for a node.
+fn line(program: &Program, tree: &Tree, slot: SlotId, rec: RecId) -> String {
+    let record = tree.record(rec);
+    let mut line = tree.slot(slot).name.to_string();
+    let shown: Vec<String> = match record.kind {
+        NodeKind::Action => tree.args(rec).first().and_then(Value::as_desc).map_or_else(Vec::new, |desc| {
+            let others = desc.properties().filter(|(key, _)| *key != "type");
+            others.map(|(key, value)| format!("({key} {})", brief(program, value, 40))).collect()
+        }),
+        _ => params(program, tree, rec).iter().map(|(_, value)| brief(program, value, 40)).collect(),
+    };
+    if !shown.is_empty() {
+        line += &format!(" {}", shown.join(" "));
+    }
+    line += &format!("  {}", outcome(program, tree, rec));
+    if record.attempt > 1 {
+        line += &format!(", attempt {}", record.attempt);
+    }
+    if record.start != record.end {
+        line += &format!("  [{} – {} s]", seconds(record.start), seconds(record.end));
+    }
+    if let Some(extra) = tree.extra(rec) {
+        for note in &extra.notes {
+            line += &format!("  ({note})");
+        }
+    }
+    safe(&line)
+}
+
+/// The tree as text, a line per node, at most `most` nodes.
+#[must_use]
+pub fn text(program: &Program, tree: &Tree, most: usize) -> String {
+    let mut out = String::new();
+    let mut todo = vec![(ROOT, String::new(), String::new())];
+    let mut shown = 0;
+    while let Some((slot, lead, indent)) = todo.pop() {
+        let Some(rec) = tree.shown(slot) else { continue };
+        if shown == most {
+            out += &format!("… and more: {} nodes in all\n", tree.len());
+            break;
+        }
+        shown += 1;
+        out += &format!("{lead}{}\n", line(program, tree, slot, rec));
+        let children = tree.children(slot);
+        for (i, child) in children.iter().enumerate().rev() {
+            let (branch, below) = if i + 1 == children.len() { ("└─ ", "   ") } else { ("├─ ", "│  ") };
+            todo.push((*child, format!("{indent}{branch}"), format!("{indent}{below}")));
+        }
+    }
+    out
+}
+
+/// The tree as JSON: an array of nodes, each with the number of its parent in the array.
+#[must_use]
+pub fn json(program: &Program, tree: &Tree) -> Json {
+    let mut nodes = Vec::new();
+    let mut todo = vec![(ROOT, None, String::from("top-level"))];
+    while let Some((slot, parent, path)) = todo.pop() {
+        let Some(rec) = tree.shown(slot) else { continue };
+        let number = nodes.len();
+        nodes.push(node_json(program, tree, slot, rec, parent, &path));
+        let children = tree.children(slot);
+        let mut ranks: std::collections::BTreeMap<&str, usize> = std::collections::BTreeMap::new();
+        let mut below = Vec::new();
+        for child in children {
+            let name = tree.slot(child).name;
+            let rank = ranks.entry(name.as_str()).or_insert(0);
+            *rank += 1;
+            let call = if *rank == 1 { String::new() } else { format!(" :call {rank}") };
+            below.push((child, Some(number), format!("{path} / {name}{call}")));
+        }
+        todo.extend(below.into_iter().rev());
+    }
+    Json::Array(nodes)
+}
+
+fn node_json(program: &Program, tree: &Tree, slot: SlotId, rec: RecId, parent: Option<usize>, path: &str) -> Json {
+    let record = tree.record(rec);
+    let write = |value: &Value| Json::String(Printer::new(Some(program), true, crate::print::LIMIT).text(value));
+    let mut node = JsonMap::new();
+    node.insert("name".into(), json!(tree.slot(slot).name.as_str()));
+    node.insert("path".into(), json!(path));
+    node.insert("parent".into(), json!(parent));
+    node.insert("kind".into(), json!(record.kind.word()));
+    node.insert("status".into(), json!(record.status.word()));
+    node.insert("attempt".into(), json!(record.attempt));
+    let params: JsonMap<String, Json> =
+        params(program, tree, rec).iter().map(|(name, value)| (name.to_string(), write(value))).collect();
+    node.insert("params".into(), Json::Object(params));
+    match record.status {
+        Status::Failed => node.insert("failure".into(), failure_json(program, &record.value, 0)),
+        _ => node.insert("value".into(), write(&record.value)),
+    };
+    if !record.why.word().is_empty() {
+        node.insert("why".into(), json!(record.why.word()));
+    }
+    node.insert("start".into(), json!(record.start as f64 / 1e9));
+    node.insert("end".into(), json!(record.end as f64 / 1e9));
+    if let Some(extra) = tree.extra(rec) {
+        if let Some(grounded) = &extra.grounded {
+            node.insert("grounded".into(), write(grounded));
+        }
+        if let Some(written) = &extra.written {
+            node.insert("written".into(), Json::Array(written.iter().map(write).collect()));
+        }
+        if let Some(slot) = extra.performed_in {
+            node.insert("performed-in".into(), json!(Path::of(tree, slot).show()));
+        }
+        if !extra.notes.is_empty() {
+            node.insert("notes".into(), json!(extra.notes));
+        }
+    }
+    Json::Object(node)
+}
+
+/// A failure as JSON, with its causes and what failed beside it.
+#[must_use]
+pub fn failure_json(program: &Program, failure: &Value, depth: usize) -> Json {
+    const DEPTH: usize = 20;
+    let Some(it) = failure.as_failure().filter(|_| depth < DEPTH) else { return Json::Null };
+    let write = |value: &Value| Json::String(brief(program, value, 10_000));
+    let fields: JsonMap<String, Json> = it.fields.iter().map(|(key, value)| (key.to_string(), write(value))).collect();
+    let mut json = json!({"type": it.name.as_str(), "fields": fields});
+    if let Some(task) = &it.task {
+        json["task"] = json!(task);
+    }
+    if let Some(cause) = &it.cause {
+        json["cause"] = failure_json(program, cause, depth + 1);
+    }
+    if !it.also.is_empty() {
+        json["also"] = it.also.iter().map(|also| failure_json(program, also, depth + 1)).collect();
+    }
+    json
+}
+
+/// A line for the start of a record.
+#[must_use]
+pub fn trace_start(program: &Program, tree: &Tree, rec: RecId) -> String {
+    let record = tree.record(rec);
+    let args: Vec<String> = params(program, tree, rec).iter().map(|(_, value)| brief(program, value, 60)).collect();
+    let path = Path::of(tree, record.slot).show();
+    safe(&format!("{:>9} start {path} {}", seconds(record.start), args.join(" "))).trim_end().to_string()
+}
+
+/// A line for the end of a record.
+#[must_use]
+pub fn trace_end(program: &Program, tree: &Tree, rec: RecId) -> String {
+    let record = tree.record(rec);
+    let path = Path::of(tree, record.slot).show();
+    safe(&format!("{:>9} end   {path} {}", seconds(record.end), outcome(program, tree, rec)))
+}

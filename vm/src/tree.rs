@@ -1,0 +1,582 @@
+//! The task tree: places of a plan (slots) and what happened there (records).
+//!
+//! A **slot** is a place in the plan: parent, name, key. It owns the edits and survives from run
+//! to run. A **record** is one run of a slot: attempt, parameters, status, value, start, end. It
+//! never changes once it is final. The frame of a running plan names its record; nothing else
+//! connects the two.
+//!
+//! The children of a slot are a list in order of creation, and the running record holds a
+//! *cursor* in it: the next call is usually the next sibling, so a call costs no look-up. A miss
+//! scans a few siblings, then builds an index for that slot.
+//!
+//! Invariants
+//! 1. Keys are unique among siblings (the machine counts calls that could repeat one).
+//! 2. A final status is never left.
+//! 3. Parents have smaller numbers than their children, slots as well as records.
+
+use std::collections::BTreeMap;
+
+use rustc_hash::FxHashMap;
+
+use crate::edit::Accepted;
+use crate::key::{Key, Keys};
+use crate::random::mix;
+use crate::value::{Symbol, Value};
+
+/// A place in a plan. Zero is no slot.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default)]
+pub struct SlotId(pub u32);
+
+/// One run of a slot. Zero is no record.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default)]
+pub struct RecId(pub u32);
+
+/// The slot of `top-level`, the root of every tree.
+pub const ROOT: SlotId = SlotId(1);
+
+/// What is known of a place.
+#[derive(Debug, Clone, Default)]
+pub struct Slot {
+    /// Stands for the path from the root in words; the key of random draws.
+    pub hash: u64,
+    /// What tells it from its siblings.
+    pub key: Key,
+    /// What was called here first.
+    pub name: Symbol,
+    /// The slot above.
+    pub parent: SlotId,
+    first: SlotId,
+    last: SlotId,
+    next: SlotId,
+    /// The run that reached it last.
+    run: u32,
+    /// Its first record in that run.
+    since: RecId,
+    /// Its last record in that run.
+    rec: RecId,
+    /// Edits here: a position in [`Tree::edits_at`] plus one, or zero.
+    edits: u32,
+    /// Index of its children: a position in [`Tree::index`] plus one, or zero.
+    index: u32,
+}
+
+/// What became of a task.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default)]
+pub enum Status {
+    /// A planner made it; it has not run.
+    Planned,
+    /// Called, but nothing of it has run.
+    #[default]
+    Created,
+    /// Being run.
+    Running,
+    /// Stopped until it is woken up.
+    Suspended,
+    /// Its call has been recorded; it will be performed later.
+    Deferred,
+    /// It returned.
+    Succeeded,
+    /// A failure left it.
+    Failed,
+    /// It was stopped from outside.
+    Evaporated,
+    /// It did not have to run.
+    Skipped,
+}
+
+impl Status {
+    /// True for a status that is never left.
+    #[must_use]
+    pub fn is_final(self) -> bool {
+        self >= Status::Succeeded
+    }
+    /// The word for it.
+    #[must_use]
+    pub fn word(self) -> &'static str {
+        match self {
+            Status::Planned => "planned",
+            Status::Created => "created",
+            Status::Running => "running",
+            Status::Suspended => "suspended",
+            Status::Deferred => "deferred",
+            Status::Succeeded => "succeeded",
+            Status::Failed => "failed",
+            Status::Evaporated => "evaporated",
+            Status::Skipped => "skipped",
+        }
+    }
+}
+
+/// Why a record was skipped or evaporated.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Why {
+    /// Nothing to say.
+    #[default]
+    Nothing,
+    /// Its goal was true already.
+    Goal,
+    /// An edit says so.
+    Edit,
+    /// A new call took its place.
+    Superseded,
+    /// The code before it failed.
+    Before,
+}
+
+impl Why {
+    /// The word for it; empty where there is nothing to say.
+    #[must_use]
+    pub fn word(self) -> &'static str {
+        match self {
+            Why::Nothing => "",
+            Why::Goal => "goal",
+            Why::Edit => "edit",
+            Why::Superseded => "superseded",
+            Why::Before => "before",
+        }
+    }
+}
+
+/// What kind of node a record makes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum NodeKind {
+    /// The root.
+    #[default]
+    TopLevel,
+    /// A call of a plan.
+    Plan,
+    /// A performed description.
+    Action,
+}
+
+impl NodeKind {
+    /// The word for it.
+    #[must_use]
+    pub fn word(self) -> &'static str {
+        match self {
+            NodeKind::TopLevel => "top-level",
+            NodeKind::Plan => "plan",
+            NodeKind::Action => "action",
+        }
+    }
+}
+
+/// One run of a slot; 64 bytes.
+#[derive(Clone, Default)]
+pub struct Record {
+    /// The place.
+    pub slot: SlotId,
+    /// The record that it ran in.
+    pub parent: RecId,
+    /// The child slot that was called last.
+    cursor: SlotId,
+    /// Where its parameters are in [`Tree::params`].
+    params: u32,
+    /// 1 for the first run of the slot in this run of the tree.
+    pub attempt: u32,
+    /// How many parameters it has.
+    args: u8,
+    /// What became of it.
+    pub status: Status,
+    /// [`RETRIED`], [`DRIVEN`], [`MOVED`], [`COUNTED`].
+    pub flags: u8,
+    /// What kind of node it makes.
+    pub kind: NodeKind,
+    /// Why it was skipped or evaporated.
+    pub why: Why,
+    /// How many records there were when it became final: a version shows it final from then on.
+    pub stamp: u32,
+    /// When it was called, in nanoseconds of the task clock.
+    pub start: u64,
+    /// When it became final.
+    pub end: u64,
+    /// What it returned, or the failure that left it.
+    pub value: Value,
+}
+
+const _: () = assert!(size_of::<Record>() == 64);
+const _: () = assert!(size_of::<Slot>() <= 72);
+
+/// Children may exist that the cursor has not seen: look before a slot is added.
+pub const RETRIED: u8 = 1;
+/// A driver ends the record, not the frame of the plan.
+pub const DRIVEN: u8 = 2;
+/// The check of its goal has moved to an obligation.
+pub const MOVED: u8 = 4;
+
+/// Its calls are counted, whatever the site says: code may run its body more than once.
+pub const COUNTED: u8 = 8;
+
+/// What few records have.
+#[derive(Debug, Clone, Default)]
+pub struct Extra {
+    /// The call that a description was grounded to.
+    pub grounded: Option<Value>,
+    /// The parameters as the plan gives them, where an edit changed them.
+    pub written: Option<Vec<Value>>,
+    /// The slot of the form that it was performed in, where that is not its parent.
+    pub performed_in: Option<SlotId>,
+    /// What the tree has to say about edits here: guards that did not hold, places not ahead.
+    pub notes: Vec<String>,
+}
+
+/// Items in leaves that never move, so that growing copies nothing.
+#[derive(Debug, Clone)]
+struct Chunks<T> {
+    leaves: Vec<Vec<T>>,
+    len: usize,
+}
+
+const LEAF_BITS: usize = 12;
+
+impl<T> Default for Chunks<T> {
+    fn default() -> Self {
+        Chunks { leaves: Vec::new(), len: 0 }
+    }
+}
+
+impl<T> Chunks<T> {
+    #[inline(always)]
+    fn push(&mut self, item: T) -> u32 {
+        let at = self.len;
+        if at >> LEAF_BITS == self.leaves.len() {
+            self.grow();
+        }
+        self.leaves[at >> LEAF_BITS].push(item);
+        self.len += 1;
+        at as u32
+    }
+    #[cold]
+    #[inline(never)]
+    fn grow(&mut self) {
+        self.leaves.push(Vec::with_capacity(1 << LEAF_BITS));
+    }
+    #[inline(always)]
+    fn get(&self, at: u32) -> &T {
+        &self.leaves[at as usize >> LEAF_BITS][at as usize & ((1 << LEAF_BITS) - 1)]
+    }
+    #[inline(always)]
+    fn get_mut(&mut self, at: u32) -> &mut T {
+        &mut self.leaves[at as usize >> LEAF_BITS][at as usize & ((1 << LEAF_BITS) - 1)]
+    }
+    /// Forgets all items but keeps the memory: fresh pages are most of the cost of a fresh call.
+    fn clear(&mut self) {
+        self.leaves.iter_mut().for_each(Vec::clear);
+        self.len = 0;
+    }
+}
+
+/// A task tree: all slots known, and the records of one run.
+#[derive(Clone)]
+pub struct Tree {
+    slots: Chunks<Slot>,
+    records: Chunks<Record>,
+    params: Chunks<Value>,
+    /// Chains of keys.
+    pub keys: Keys,
+    index: Vec<FxHashMap<Key, SlotId>>,
+    extras: BTreeMap<RecId, Extra>,
+    /// The edits, in the order in which they were accepted; their numbers begin at 1.
+    pub edits: Vec<Accepted>,
+    edits_at: Vec<Vec<u32>>,
+    run: u32,
+    /// Slots from here on were made in this run.
+    fresh_from: u32,
+}
+
+impl Default for Tree {
+    fn default() -> Tree {
+        let mut tree = Tree {
+            slots: Chunks::default(),
+            records: Chunks::default(),
+            params: Chunks::default(),
+            keys: Keys::default(),
+            index: Vec::new(),
+            extras: BTreeMap::new(),
+            edits: Vec::new(),
+            edits_at: Vec::new(),
+            run: 0,
+            fresh_from: 0,
+        };
+        let name = Symbol::from("top-level");
+        tree.slots.push(Slot { name, ..Slot::default() });
+        tree.slots.push(Slot { name, hash: crate::random::hash_text(&name), ..Slot::default() });
+        tree.begin();
+        tree
+    }
+}
+
+impl Tree {
+    /// Starts a run: slots and edits stay, records of the last run go. Returns the root's record.
+    pub fn begin(&mut self) -> RecId {
+        self.records.clear();
+        self.params.clear();
+        self.extras.clear();
+        self.run += 1;
+        self.fresh_from = self.slots.len as u32;
+        self.records.push(Record::default());
+        let root = Record { slot: ROOT, attempt: 1, status: Status::Running, ..Record::default() };
+        let rec = RecId(self.records.push(root));
+        let slot = self.slots.get_mut(ROOT.0);
+        (slot.run, slot.since, slot.rec) = (self.run, rec, rec);
+        rec
+    }
+
+    /// A tree with the same slots and edits, for a run to begin in.
+    #[must_use]
+    pub fn for_next_run(&self) -> Tree {
+        Tree {
+            slots: self.slots.clone(),
+            records: Chunks::default(),
+            params: Chunks::default(),
+            keys: self.keys.clone(),
+            index: self.index.clone(),
+            extras: BTreeMap::new(),
+            edits: self.edits.clone(),
+            edits_at: self.edits_at.clone(),
+            run: self.run,
+            fresh_from: self.fresh_from,
+        }
+    }
+
+    // ------------------------------------------------------------------ growing
+
+    /// The child slot of `rec` with this key, made if it is new.
+    #[inline(always)]
+    pub fn child(&mut self, rec: RecId, key: Key, name: Symbol, site_hash: u64) -> SlotId {
+        let record = self.records.get_mut(rec.0);
+        let above = record.slot;
+        let expected =
+            if record.cursor.0 == 0 { self.slots.get(above.0).first } else { self.slots.get(record.cursor.0).next };
+        if expected.0 != 0 && self.slots.get(expected.0).key == key {
+            record.cursor = expected;
+            return expected;
+        }
+        let is_new = expected.0 == 0 && above.0 >= self.fresh_from && record.flags & RETRIED == 0;
+        let slot = if is_new { self.append(above, key, name, site_hash) } else { self.find(above, key, name, site_hash) };
+        self.records.get_mut(rec.0).cursor = slot;
+        slot
+    }
+
+    #[inline(always)]
+    fn append(&mut self, above: SlotId, key: Key, name: Symbol, site_hash: u64) -> SlotId {
+        let slot = SlotId(self.slots.len as u32);
+        let parent = self.slots.get_mut(above.0);
+        let last = std::mem::replace(&mut parent.last, slot);
+        if last.0 == 0 {
+            parent.first = slot;
+        }
+        let (above_hash, index) = (parent.hash, parent.index);
+        if last.0 != 0 {
+            self.slots.get_mut(last.0).next = slot;
+        }
+        if index != 0 {
+            self.index[index as usize - 1].insert(key, slot);
+        }
+        let hash = mix(above_hash ^ site_hash ^ self.keys.hash(key.chain));
+        self.slots.push(Slot { hash, key, name, parent: above, ..Slot::default() });
+        slot
+    }
+
+    #[inline(never)]
+    fn find(&mut self, above: SlotId, key: Key, name: Symbol, site_hash: u64) -> SlotId {
+        match self.lookup(above, key) {
+            Some(slot) => slot,
+            None => self.append(above, key, name, site_hash),
+        }
+    }
+
+    /// The child of `above` with this key, if there is one.
+    fn lookup(&mut self, above: SlotId, key: Key) -> Option<SlotId> {
+        const SCAN: usize = 8;
+        let parent = self.slots.get(above.0);
+        let (index, mut at) = (parent.index, parent.first);
+        if index != 0 {
+            return self.index[index as usize - 1].get(&key).copied();
+        }
+        for _ in 0..SCAN {
+            if at.0 == 0 {
+                return None;
+            }
+            let slot = self.slots.get(at.0);
+            if slot.key == key {
+                return Some(at);
+            }
+            at = slot.next;
+        }
+        let index: FxHashMap<Key, SlotId> =
+            self.all_children(above).map(|child| (self.slots.get(child.0).key, child)).collect();
+        let found = index.get(&key).copied();
+        self.index.push(index);
+        self.slots.get_mut(above.0).index = self.index.len() as u32;
+        found
+    }
+
+    /// The record of a new call of `slot`, with these parameters.
+    #[inline(always)]
+    pub fn enter(&mut self, parent: RecId, slot: SlotId, kind: NodeKind, args: &[Value], now: u64) -> RecId {
+        let rec = RecId(self.records.len as u32);
+        let run = self.run;
+        let it = self.slots.get_mut(slot.0);
+        let (mut attempt, mut flags) = (1, 0);
+        if it.run == run {
+            attempt = self.records.get(it.rec.0).attempt + 1;
+            flags = RETRIED;
+        } else {
+            it.since = rec;
+        }
+        it.run = run;
+        it.rec = rec;
+        let params = self.params.len as u32;
+        for arg in args {
+            self.params.push(arg.clone());
+        }
+        let args = args.len() as u8;
+        let status = Status::Running;
+        self.records.push(Record { slot, parent, params, attempt, args, status, flags, kind, start: now, ..Record::default() });
+        rec
+    }
+
+    /// Makes a record final.
+    #[inline(always)]
+    pub fn end(&mut self, rec: RecId, status: Status, value: Value, now: u64) {
+        let stamp = self.records.len as u32;
+        let record = self.records.get_mut(rec.0);
+        debug_assert!(!record.status.is_final(), "a final status is never left");
+        record.status = status;
+        record.end = now;
+        record.stamp = stamp;
+        record.value = value;
+    }
+
+    /// The children of `rec` may be called again: look before a slot is added.
+    pub fn retried(&mut self, rec: RecId) {
+        self.records.get_mut(rec.0).flags |= RETRIED;
+    }
+
+    /// A record, to be changed while it is not final.
+    pub(crate) fn record_mut(&mut self, rec: RecId) -> &mut Record {
+        self.records.get_mut(rec.0)
+    }
+
+    /// What few records have, made if it is missing.
+    pub(crate) fn extra_mut(&mut self, rec: RecId) -> &mut Extra {
+        self.extras.entry(rec).or_default()
+    }
+
+    /// Puts other parameters in the place of those of a record.
+    pub(crate) fn set_args(&mut self, rec: RecId, args: &[Value]) {
+        let params = self.params.len as u32;
+        for arg in args {
+            self.params.push(arg.clone());
+        }
+        let record = self.records.get_mut(rec.0);
+        (record.params, record.args) = (params, args.len() as u8);
+    }
+
+    // ------------------------------------------------------------------ edits
+
+    /// Numbers of the edits at a slot, as positions in [`Tree::edits`] plus one.
+    #[inline(always)]
+    #[must_use]
+    pub fn edits_of(&self, slot: SlotId) -> &[u32] {
+        match self.slots.get(slot.0).edits {
+            0 => &[],
+            at => &self.edits_at[at as usize - 1],
+        }
+    }
+
+    /// Adds an edit at a slot. Returns its number.
+    pub fn add_edit(&mut self, slot: SlotId, edit: Accepted) -> u32 {
+        self.edits.push(edit);
+        let id = self.edits.len() as u32;
+        let it = self.slots.get_mut(slot.0);
+        if it.edits == 0 {
+            self.edits_at.push(Vec::new());
+            it.edits = self.edits_at.len() as u32;
+        }
+        let at = it.edits as usize - 1;
+        self.edits_at[at].push(id);
+        id
+    }
+
+    // ------------------------------------------------------------------ looking
+
+    /// A slot.
+    #[must_use]
+    pub fn slot(&self, slot: SlotId) -> &Slot {
+        self.slots.get(slot.0)
+    }
+    /// A record.
+    #[inline(always)]
+    #[must_use]
+    pub fn record(&self, rec: RecId) -> &Record {
+        self.records.get(rec.0)
+    }
+    /// What few records have.
+    #[must_use]
+    pub fn extra(&self, rec: RecId) -> Option<&Extra> {
+        self.extras.get(&rec)
+    }
+    /// The parameters of a record.
+    #[must_use]
+    pub fn args(&self, rec: RecId) -> Vec<Value> {
+        let record = self.record(rec);
+        (0..u32::from(record.args)).map(|i| self.params.get(record.params + i).clone()).collect()
+    }
+    /// How many records this run has made.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.records.len - 1
+    }
+    /// False: a tree has its root at least.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        false
+    }
+    /// All records of this run, in the order of their calls.
+    pub fn records(&self) -> impl Iterator<Item = RecId> {
+        (1..self.records.len as u32).map(RecId)
+    }
+    /// The last record of a slot in this run, if the run reached it.
+    #[must_use]
+    pub fn shown(&self, slot: SlotId) -> Option<RecId> {
+        let it = self.slots.get(slot.0);
+        (it.run == self.run && it.rec.0 != 0).then_some(it.rec)
+    }
+    fn all_children(&self, slot: SlotId) -> impl Iterator<Item = SlotId> {
+        let mut next = self.slots.get(slot.0).first;
+        std::iter::from_fn(move || {
+            let at = next;
+            (at.0 != 0).then(|| {
+                next = self.slots.get(at.0).next;
+                at
+            })
+        })
+    }
+    /// The children of a slot that this run reached, in the order of their first calls.
+    #[must_use]
+    pub fn children(&self, slot: SlotId) -> Vec<SlotId> {
+        let mut children: Vec<SlotId> =
+            self.all_children(slot).filter(|child| self.slots.get(child.0).run == self.run).collect();
+        children.sort_by_key(|child| self.slots.get(child.0).since);
+        children
+    }
+    /// Memory of slots and records, in bytes.
+    #[must_use]
+    pub fn bytes(&self) -> usize {
+        self.slots.len * size_of::<Slot>() + self.records.len * size_of::<Record>() + self.params.len * size_of::<Value>()
+    }
+    /// Two integers that say which tree this is.
+    #[must_use]
+    pub fn fingerprint(&self) -> (usize, u32) {
+        (self.records.len, self.run)
+    }
+    /// A few words: what ran, and what became of it.
+    #[must_use]
+    pub fn summary(&self) -> String {
+        let root = self.children(ROOT).first().map_or(ROOT, |child| *child);
+        let status = self.shown(root).map_or("not run", |rec| self.record(rec).status.word());
+        format!("{} {status}, {} nodes", self.slot(root).name, self.len())
+    }
+}
