@@ -1,1 +1,16 @@
-//! Pleach.
+//! Pleach: a language for robot plans that can rewrite themselves.
+//!
+//! This crate is the front door. A [`Session`] holds a program and its machine:
+//!
+//! ```
+//! let mut session = pleach::Session::new(pleach::Options::default());
+//! let run = session.run_text("hello.plan", "(def-plan main () (print \"hello\") (+ 1 2))");
+//! assert_eq!(run.printed, "hello\n");
+//! assert_eq!(run.outcome.map(|value| vm::print::write(&value)).ok(), Some("3".into()));
+//! ```
+
+pub mod files;
+pub mod render;
+pub mod session;
+
+pub use session::{Ended, Options, Run, Session};

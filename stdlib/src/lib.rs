@@ -18,6 +18,7 @@ mod format;
 mod function;
 mod geometry;
 mod io;
+mod language;
 mod limit;
 mod list;
 mod map;
@@ -27,6 +28,7 @@ mod sequence;
 mod string;
 mod symbol;
 mod table;
+mod tree;
 mod value;
 mod vector;
 
@@ -36,6 +38,7 @@ use vm::native::Native;
 #[must_use]
 pub fn natives() -> Vec<Native> {
     let topics = [
+        language::natives(),
         value::natives(),
         number::natives(),
         list::natives(),
@@ -51,6 +54,7 @@ pub fn natives() -> Vec<Native> {
         failure::natives(),
         io::natives(),
         random::natives(),
+        tree::natives(),
     ];
     topics.into_iter().flatten().collect()
 }
@@ -65,8 +69,8 @@ macro_rules! modules {
 }
 
 modules! {
-    "value" "number" "list" "vector" "map" "function" "sequence"
-    "symbol" "string" "format" "description" "geometry" "failure" "io" "random" "control"
+    "language" "value" "number" "list" "vector" "map" "function" "sequence"
+    "symbol" "string" "format" "description" "geometry" "failure" "io" "random" "control" "tree"
 }
 
 #[cfg(test)]

@@ -162,16 +162,19 @@ fn slice(args: &[Value]) -> Result<Value, Raise> {
     part(&args[0], start, (end < length).then_some(end))
 }
 
+/// Of a list only the part that is asked for is looked at.
 fn take(args: &[Value]) -> Result<Value, Raise> {
-    let n = index(&args[0])?;
-    let length = sliceable(&args[1])?;
-    if n >= length { Ok(args[1].clone()) } else { part(&args[1], 0, Some(n)) }
+    let (n, whole) = (index(&args[0])?, &args[1]);
+    if whole.is_list() {
+        let ends_before = after(n, whole)?.is_nil();
+        return if ends_before { Ok(whole.clone()) } else { part(whole, 0, Some(n)) };
+    }
+    if n >= sliceable(whole)? { Ok(whole.clone()) } else { part(whole, 0, Some(n)) }
 }
 
 fn drop_first(args: &[Value]) -> Result<Value, Raise> {
-    let n = index(&args[0])?;
-    let length = sliceable(&args[1])?;
-    part(&args[1], n.min(length), None)
+    let (n, whole) = (index(&args[0])?, &args[1]);
+    if whole.is_list() { after(n, whole) } else { part(whole, n.min(sliceable(whole)?), None) }
 }
 
 /// One list per position, as long as the shortest sequence.

@@ -57,6 +57,8 @@ pub struct Program {
     pub places: Vec<Place>,
     /// The functions.
     pub functions: Vec<Function>,
+    /// Which function the instructions from here on belong to, in the order of instructions.
+    pub extents: Vec<(Pc, FnId)>,
     /// All calls, grouped by function, in the order of their instructions.
     pub sites: Vec<Site>,
     /// All forms, grouped by function, outer before inner, earlier before later.
@@ -244,9 +246,10 @@ impl Program {
     /// The function that an instruction belongs to.
     #[must_use]
     pub fn function_at(&self, pc: Pc) -> Option<FnId> {
-        let after = self.functions.partition_point(|function| function.entry <= pc);
-        let id = after.checked_sub(1)?;
-        (pc < self.functions[id].end).then_some(FnId(id as u32))
+        let after = self.extents.partition_point(|(entry, _)| *entry <= pc);
+        let (_, id) = self.extents[after.checked_sub(1)?];
+        let function = self.functions.get(id.at())?;
+        (function.entry <= pc && pc < function.end).then_some(id)
     }
 
     /// The innermost form around an instruction, as an index into [`Program::forms`].

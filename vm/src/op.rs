@@ -185,8 +185,6 @@ ops! {
     CallPlan(d: u8, w: u8, s: SiteId);
     /// Call the value in w with the n registers after it, at site s; the value goes to d.
     CallValue(d: u8, w: u8, n: Count, s: SiteId);
-    /// Call function f with the n registers from w, rearranged as its parameters say; the value goes to d.
-    CallWith(d: u8, w: u8, n: Count, s: SiteId);
     /// Call native f with the n registers from w; the value goes to d.
     CallNative(d: u8, w: u8, n: Count, f: NativeId);
     /// Perform the description in w, with the goal in w+1 (nil, or a function), at site s; the value goes to d.
@@ -231,7 +229,6 @@ impl Op {
                 | Op::Call(..)
                 | Op::CallPlan(..)
                 | Op::CallValue(..)
-                | Op::CallWith(..)
                 | Op::TailCall(..)
                 | Op::TailCallValue(..)
                 | Op::Perform(..)

@@ -120,12 +120,6 @@ impl Machine {
                 let args = self.registers(w.wrapping_add(1), n.0).to_vec();
                 self.call_value(host, d, s, &callee, args)
             }
-            Op::CallWith(d, w, n, s) => {
-                let callee = self.program.sites[s.at()].callee;
-                let callee = Value::Imm(Imm::Function(callee.unwrap_or_default()));
-                let args = self.registers(w, n.0).to_vec();
-                self.call_value(host, d, s, &callee, args)
-            }
             Op::TailCallValue(w, n, s) => self.tail_call_value(host, w, n, s),
             Op::CallNative(d, w, n, f) => {
                 let run = self.runs.len() - 1;
@@ -226,7 +220,7 @@ impl Machine {
             None if value.is_nil() => Value::NIL,
             Some(Obj::Vector(items)) => Value::list(items.iter().cloned().collect::<Vec<_>>()),
             Some(Obj::Map(map)) => {
-                let pairs: Vec<Value> = map.iter().map(|(k, v)| Value::vector([k.clone(), v.clone()])).collect();
+                let pairs: Vec<Value> = map.iter().map(|(k, v)| Value::list([k.clone(), v.clone()])).collect();
                 Value::list(pairs)
             }
             Some(Obj::Str(text)) => {
@@ -374,6 +368,7 @@ impl Machine {
             seed: self.seed,
             now: run.now,
             printed: &mut self.printed,
+            fresh: &mut self.fresh,
             output_limit: self.limits.output,
             host,
         };
@@ -399,7 +394,10 @@ impl Machine {
     }
 
     /// Arguments in the order of the parameters; what was not given is unset.
-    pub(super) fn arrange(&self, function: FnId, args: Vec<Value>) -> Result<Vec<Value>, Raise> {
+    ///
+    /// # Errors
+    /// `arity-error` if they do not fit.
+    pub fn arrange(&self, function: FnId, args: Vec<Value>) -> Result<Vec<Value>, Raise> {
         let function = &self.program.functions[function.at()];
         arrange(&function.params, args).map_err(|problem| {
             let message = format!("`{}` {problem}", function.name);

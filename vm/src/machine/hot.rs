@@ -253,7 +253,7 @@ pub(super) fn run(program: &Program, globals: &mut [Value], run: &mut Run, depth
                 }
 
                 Op::List(..) | Op::Vector(..) | Op::Map(..) | Op::Desc(..) | Op::Counter(..) | Op::CountDown(..)
-                | Op::IterStart(..) | Op::CountStart(..) | Op::CallWith(..) | Op::CallNative(..) | Op::Perform(..)
+                | Op::IterStart(..) | Op::CountStart(..) | Op::CallNative(..) | Op::Perform(..)
                 | Op::Original(..) | Op::Fail(..) | Op::Raise(..) | Op::MakeFailure(..) | Op::JumpUnlessKind(..)
                 | Op::Mark(..) | Op::Retry(..) | Op::EndCleanUp(..) | Op::Resume => break 'window Out::Slow(op),
             }

@@ -34,6 +34,7 @@ use crate::op::Op;
 use crate::tree::{RecId, Status, Tree};
 use crate::value::{Value, live};
 
+pub use call::takes;
 use drive::Driver;
 
 /// Units of fuel in a round: part of the language, for the clock moves by rounds.
@@ -180,6 +181,8 @@ pub struct Machine {
     in_round: u64,
     round: u64,
     printed: usize,
+    /// How many fresh names have been made.
+    fresh: u64,
     /// The fuel limit has been met: only clean-ups run.
     last_fuel: bool,
 }
@@ -204,6 +207,7 @@ impl Machine {
             in_round: 0,
             round: 0,
             printed: 0,
+            fresh: 0,
             last_fuel: false,
         }
     }
@@ -421,6 +425,7 @@ pub struct Ctx<'a> {
     seed: u64,
     now: u64,
     printed: &'a mut usize,
+    fresh: &'a mut u64,
     output_limit: usize,
     host: &'a mut dyn Host,
 }
@@ -447,6 +452,11 @@ impl Ctx<'_> {
         let number = crate::random::draw(self.seed, self.tree.slot(record.slot).hash, record.attempt, *n);
         *n += 1;
         number
+    }
+    /// A name that no program uses.
+    pub fn fresh(&mut self, stem: &str) -> crate::value::Symbol {
+        *self.fresh += 1;
+        crate::value::Symbol::from(&format!("{stem}%{}", self.fresh))
     }
     /// Seconds of the task clock.
     #[must_use]

@@ -1,0 +1,509 @@
+//! Definitions: the top level of files.
+
+use grammar::{FileId, Form, FormKind, Span};
+use vm::code::{FnId, FnKind, GlobalId, Params};
+use vm::value::{Symbol, Value};
+
+use crate::ast::{Callee, Expr, ExprKind, Function, VarId};
+use crate::data::{Places, move_to, to_form};
+use crate::error::CompileError;
+use crate::module::{Definition, Meaning, ModuleId, Use};
+use crate::resolve::{ParamForms, Scope, special};
+use crate::{Compiler, Loader, Pending, Report, Source};
+
+/// What compiling a text gave.
+#[derive(Debug, Default)]
+pub struct Loaded {
+    /// Functions to be run once, in this order: constants and top-level forms.
+    pub init: Vec<FnId>,
+    /// What is wrong with the text. It must not be run unless these are warnings only.
+    pub reports: Vec<Report>,
+}
+
+/// The heads of definitions.
+const DEFINITIONS: &[&str] = &[
+    "def-fun", "def-plan", "def-const", "def-macro", "def-failure", "def-native", "def-open-fun", "extend", "def-test",
+];
+
+/// A top-level form that does something when the file is loaded.
+enum Init {
+    Const(FnId, GlobalId, Form, Symbol),
+    Form(Form),
+}
+
+/// Work on one text.
+struct Text {
+    module: ModuleId,
+    /// Definitions may replace earlier ones, as in a REPL.
+    again: bool,
+    init: Vec<Init>,
+    functions: Vec<FnId>,
+}
+
+impl Compiler<'_> {
+    /// Loads a file as a module, unless it has been loaded.
+    pub(crate) fn file(&mut self, loader: &mut dyn Loader, source: &Source) -> Vec<FnId> {
+        let name = source.key.clone();
+        let module = self.modules.add(&name);
+        self.loaded.insert(source.key.clone(), module);
+        self.loading.push(source.key.clone());
+        let init = self.text(loader, module, source.file, &source.text, false);
+        self.loading.pop();
+        init
+    }
+
+    /// Compiles a text for a module. The functions to be run once, used modules first.
+    pub(crate) fn text(
+        &mut self,
+        loader: &mut dyn Loader,
+        module: ModuleId,
+        file: FileId,
+        text: &str,
+        again: bool,
+    ) -> Vec<FnId> {
+        let parsed = grammar::parse(file, text);
+        self.reports.extend(parsed.errors.into_iter().map(Report::Parse));
+        let mut init = Vec::new();
+        let mut work = Text { module, again, init: Vec::new(), functions: Vec::new() };
+        let mut forms = Vec::new();
+        for form in parsed.forms {
+            match form.head().as_ref().map(|head| head.as_str()) {
+                Some("module") => self.module_head(module, &form),
+                Some("use") => init.extend(self.use_(loader, module, &form)),
+                _ => forms.push(form),
+            }
+        }
+        let mut declared = Vec::new();
+        for form in &forms {
+            let at_once = is_definition(form);
+            declared.push(at_once);
+            if at_once {
+                self.declare_form(&mut work, form);
+            }
+        }
+        for (form, declared) in forms.into_iter().zip(declared) {
+            if !declared {
+                self.top_form(&mut work, form, 0);
+            }
+        }
+        for id in std::mem::take(&mut work.functions) {
+            self.compile(id);
+        }
+        init.extend(self.inits(&mut work, file));
+        self.close_opens();
+        init
+    }
+
+    // ------------------------------------------------------------------ modules
+
+    fn module_head(&mut self, module: ModuleId, form: &Form) {
+        let items = form.list().unwrap_or_default();
+        let (name, doc) = match items {
+            [_, name] => (name, None),
+            [_, name, Form { kind: FormKind::Str(doc), .. }] => (name, Some(doc.clone())),
+            _ => return self.misshapen_top(form, "takes a name and perhaps a text"),
+        };
+        match name.symbol() {
+            Some(name) => {
+                let module = self.modules.get_mut(module);
+                module.name = name.to_string();
+                module.doc = doc;
+            }
+            None => self.misshapen_top(form, "needs a symbol as name"),
+        }
+    }
+
+    fn use_(&mut self, loader: &mut dyn Loader, module: ModuleId, form: &Form) -> Vec<FnId> {
+        let items = form.list().unwrap_or_default();
+        let is_name = |item: &&Form| matches!(item.kind, FormKind::Symbol(_) | FormKind::Str(_));
+        let names: Vec<&Form> = items[1..].iter().take_while(is_name).collect();
+        if names.is_empty() {
+            self.misshapen_top(form, "needs the name of a module, or a file as a string");
+        }
+        let (mut prefix, mut only) = (None, None);
+        for pair in items[1 + names.len()..].chunks(2) {
+            match pair {
+                [Form { kind: FormKind::Keyword(key), .. }, value] if *key == "as" && value.symbol().is_some() => {
+                    prefix = value.symbol();
+                }
+                [Form { kind: FormKind::Keyword(key), .. }, value] if *key == "only" && value.list().is_some() => {
+                    only = value.list().map(|names| names.iter().filter_map(Form::symbol).collect());
+                }
+                _ => self.misshapen_top(form, "takes `:as prefix` and `:only (names…)` after the names of modules"),
+            }
+        }
+        let mut init = Vec::new();
+        for item in names {
+            let name = match &item.kind {
+                FormKind::Str(path) => path.to_string(),
+                _ => item.symbol().unwrap_or_default().to_string(),
+            };
+            if let Some((used, functions)) = self.find_module(loader, &name, form.span.file, item.span) {
+                init.extend(functions);
+                let uses = Use { module: used, prefix, only: only.clone() };
+                self.modules.get_mut(module).uses.push(uses);
+            }
+        }
+        init
+    }
+
+    fn find_module(
+        &mut self,
+        loader: &mut dyn Loader,
+        name: &str,
+        from: FileId,
+        at: Span,
+    ) -> Option<(ModuleId, Vec<FnId>)> {
+        let source = match loader.load(name, from) {
+            Ok(source) => source,
+            Err(help) => {
+                self.error(CompileError::ModuleMissing { name: name.into(), at, help: Some(help) });
+                return None;
+            }
+        };
+        if let Some(start) = self.loading.iter().position(|key| *key == source.key) {
+            let mut chain: Vec<&str> = self.loading[start..].iter().map(String::as_str).collect();
+            chain.push(&source.key);
+            let chain = chain.join(" uses ");
+            self.error(CompileError::ModuleCycle { name: name.into(), chain, at });
+            return None;
+        }
+        if let Some(module) = self.loaded.get(&source.key) {
+            return Some((*module, Vec::new()));
+        }
+        let init = self.file(loader, &source);
+        let module = *self.loaded.get(&source.key)?;
+        Some((module, init))
+    }
+
+    fn misshapen_top(&mut self, form: &Form, problem: &str) {
+        let name = form.head().unwrap_or_default();
+        let shape = special::SHAPES.iter().find(|(known, _)| name == *known).map_or("", |(_, shape)| shape);
+        let (problem, shape, form_name) = (problem.into(), shape.into(), name.to_string());
+        self.error(CompileError::Shape { form: form_name, problem, shape, at: form.span });
+    }
+
+    // ------------------------------------------------------------------ definitions
+
+    /// A form that is no definition as it stands: an expression, or a macro that makes some.
+    fn top_form(&mut self, work: &mut Text, form: Form, level: usize) {
+        if is_definition(&form) {
+            return self.declare_form(work, &form);
+        }
+        if form.head().is_some_and(|head| head == "seq") && level > 0 {
+            // Macros define several things with `seq`.
+            for part in form.list().unwrap_or_default().iter().skip(1) {
+                self.top_form(work, part.clone(), level);
+            }
+            return;
+        }
+        let name = form.head().unwrap_or_default();
+        let meaning = match self.modules.look_up(work.module, name) {
+            crate::module::Found::One(definition) => Some(definition.meaning),
+            _ => None,
+        };
+        if let Some(Meaning::Macro(function, params)) = meaning {
+            self.expanding = level;
+            if let Some(expansion) = self.expand(work.module, name, function, &params, &form) {
+                self.top_form(work, expansion, level + 1);
+            }
+            self.expanding = 0;
+            return;
+        }
+        work.init.push(Init::Form(form));
+    }
+
+    fn declare_form(&mut self, work: &mut Text, form: &Form) {
+        let items = form.list().unwrap_or_default();
+        let head = form.head().unwrap_or_default();
+        let Some(name) = items.get(1).and_then(Form::symbol) else {
+            return self.misshapen_top(form, "needs a symbol as name");
+        };
+        if matches!(name.as_str(), "nil" | "true" | "false") {
+            return self.misshapen_top(form, "cannot define this name");
+        }
+        let rest = &items[2..];
+        match head.as_str() {
+            "def-fun" => self.def_function(work, form, name, rest, FnKind::Function, Meaning::Function),
+            "def-plan" => self.def_function(work, form, name, rest, FnKind::Plan, Meaning::Plan),
+            "def-macro" => self.def_function(work, form, name, rest, FnKind::Function, Meaning::Macro),
+            "def-const" => self.def_const(work, form, name, rest),
+            "def-failure" => self.def_failure(work, form, name, rest),
+            "def-native" => self.def_native(work, form, name, rest),
+            "def-open-fun" => self.def_open(work, form, name, rest),
+            "extend" => self.extend(work, form, name, rest),
+            _ => self.def_test(work, form, name, rest),
+        }
+    }
+
+    /// Adds a definition, or says that there is one. True if it holds now.
+    fn define(&mut self, work: &Text, name: Symbol, meaning: Meaning, doc: Option<Box<str>>, form: &Form) -> bool {
+        let span = form.list().and_then(|items| items.get(1)).map_or(form.span, |name| name.span);
+        let known = self.modules.get(work.module).names.get(&name);
+        if let Some(known) = known.filter(|_| !work.again) {
+            let first = known.span;
+            self.error(CompileError::Duplicate { name: name.to_string(), again: span, first });
+            return false;
+        }
+        self.modules.get_mut(work.module).names.insert(name, Definition { meaning, doc, span });
+        true
+    }
+
+    fn def_function(
+        &mut self,
+        work: &mut Text,
+        form: &Form,
+        name: Symbol,
+        rest: &[Form],
+        kind: FnKind,
+        meaning: fn(FnId, Params) -> Meaning,
+    ) {
+        let Some((params, body)) = rest.split_first() else {
+            return self.misshapen_top(form, "has no parameters");
+        };
+        let params = self.param_forms(params);
+        let (doc, body) = split_doc(body);
+        // Redefined in a REPL: those who call it call the new one.
+        let known = self.modules.get(work.module).names.get(&name).map(|known| known.meaning.clone());
+        let id = match known {
+            Some(Meaning::Function(id, _) | Meaning::Plan(id, _) | Meaning::Macro(id, _)) if work.again => id,
+            _ => self.declare(name, kind, work.module),
+        };
+        if !self.define(work, name, meaning(id, params.params.clone()), doc, form) {
+            return;
+        }
+        let (module, body, span) = (work.module, body.to_vec(), form.span);
+        let proto = &mut self.program.functions[id.at()];
+        (proto.kind, proto.params) = (kind, params.params.clone());
+        self.pending.insert(id, Pending { module, name, kind, params, body, span });
+        work.functions.push(id);
+    }
+
+    fn def_const(&mut self, work: &mut Text, form: &Form, name: Symbol, rest: &[Form]) {
+        let (value, doc) = match rest {
+            [value] => (value, None),
+            [value, Form { kind: FormKind::Str(doc), .. }] => (value, Some(doc.clone())),
+            _ => return self.misshapen_top(form, "takes a value and perhaps a text"),
+        };
+        let global = GlobalId(self.program.globals.len() as u32);
+        if self.define(work, name, Meaning::Const(global), doc, form) {
+            self.program.globals.push(name);
+            let id = self.declare(name, FnKind::TopLevel, work.module);
+            work.init.push(Init::Const(id, global, value.clone(), name));
+        }
+    }
+
+    fn def_failure(&mut self, work: &mut Text, form: &Form, name: Symbol, rest: &[Form]) {
+        let (lists, doc) = match rest {
+            [lists @ .., Form { kind: FormKind::Str(doc), .. }] => (lists, Some(doc.clone())),
+            lists => (lists, None),
+        };
+        let list_of = |form: &Form| match form.list() {
+            Some(items) => items.iter().map(Form::symbol).collect::<Option<Vec<Symbol>>>(),
+            None => form.is("nil").then(Vec::new),
+        };
+        let (parents, fields) = match lists {
+            [] => (Some(Vec::new()), Some(Vec::new())),
+            [parents] => (list_of(parents), Some(Vec::new())),
+            [parents, fields] => (list_of(parents), list_of(fields)),
+            _ => (None, None),
+        };
+        let (Some(parents), Some(fields)) = (parents, fields) else {
+            return self.misshapen_top(form, "takes a list of parents and a list of fields");
+        };
+        let scope = Scope::new(work.module, FnKind::TopLevel);
+        let parent_forms = lists.first().and_then(Form::list).unwrap_or_default();
+        let mut ids: Vec<_> =
+            parent_forms.iter().filter_map(|parent| special::failure_type(self, &scope, parent)).collect();
+        if ids.len() < parents.len() {
+            return;
+        }
+        if ids.is_empty() {
+            ids.push(vm::Builtin::PlanFailure.id());
+        }
+        let id = self.program.failures.define(name, ids, fields, doc.clone());
+        self.define(work, name, Meaning::Failure(id), doc, form);
+    }
+
+    fn def_native(&mut self, work: &mut Text, form: &Form, name: Symbol, rest: &[Form]) {
+        let Some((params, doc)) = rest.split_first() else {
+            return self.misshapen_top(form, "has no parameters");
+        };
+        let params = self.param_forms(params).params;
+        let doc = match doc {
+            [Form { kind: FormKind::Str(doc), .. }] => Some(doc.clone()),
+            [] => None,
+            _ => return self.misshapen_top(form, "takes parameters and a text"),
+        };
+        match self.program.native(&name) {
+            Some(native) => drop(self.define(work, name, Meaning::Native(native, params), doc, form)),
+            None => self.error(CompileError::NoSuchNative { name: name.to_string(), at: form.span }),
+        }
+    }
+
+    fn def_test(&mut self, work: &mut Text, form: &Form, name: Symbol, rest: &[Form]) {
+        let (doc, body) = split_doc(rest);
+        let id = self.declare(name, FnKind::TopLevel, work.module);
+        if self.define(work, name, Meaning::Test(id), doc, form) {
+            let (module, kind, params, span) = (work.module, FnKind::TopLevel, ParamForms::default(), form.span);
+            self.pending.insert(id, Pending { module, name, kind, params, body: body.to_vec(), span });
+            work.functions.push(id);
+        }
+    }
+
+    // ------------------------------------------------------------------ open functions
+
+    fn def_open(&mut self, work: &mut Text, form: &Form, name: Symbol, rest: &[Form]) {
+        let Some((params, doc)) = rest.split_first() else {
+            return self.misshapen_top(form, "has no parameters");
+        };
+        let params = self.param_forms(params).params;
+        let doc = match doc {
+            [Form { kind: FormKind::Str(doc), .. }] => Some(doc.clone()),
+            [] => None,
+            _ => return self.misshapen_top(form, "takes parameters and a text; clauses are added with `extend`"),
+        };
+        let id = self.declare(name, FnKind::Function, work.module);
+        if self.define(work, name, Meaning::Open(id, params.clone()), doc, form) {
+            self.program.functions[id.at()].params = params;
+            self.opens.insert(id, Vec::new());
+            if name == "ground" && self.program.ground.is_none() {
+                self.program.ground = Some(id);
+            }
+        }
+    }
+
+    fn extend(&mut self, work: &mut Text, form: &Form, name: Symbol, rest: &[Form]) {
+        let Some((params, body)) = rest.split_first() else {
+            return self.misshapen_top(form, "has no parameters");
+        };
+        let span = form.list().map_or(form.span, |items| items[1].span);
+        let (open, wanted) = match self.modules.look_up(work.module, name) {
+            crate::module::Found::One(Definition { meaning: Meaning::Open(open, wanted), .. }) => (open, wanted),
+            crate::module::Found::One(definition) => {
+                let (is, wanted) = (definition.meaning.words().into(), "an open function".into());
+                return self.error(CompileError::WrongKind { name: name.to_string(), is, wanted, at: span, help: None });
+            }
+            _ => {
+                let help = Some(format!("declare it: (def-open-fun {name} (…))"));
+                return self.error(CompileError::UnknownName { name: name.to_string(), at: span, help });
+            }
+        };
+        let params = self.param_forms(params);
+        if params.params.names.len() != wanted.names.len() || params.params.required != wanted.required {
+            return self.arity(name, &wanted, params.params.names.len(), form.span);
+        }
+        let (_, body) = split_doc(body);
+        let id = self.declare(name, FnKind::Function, work.module);
+        let (module, kind, body, span) = (work.module, FnKind::Function, body.to_vec(), form.span);
+        self.pending.insert(id, Pending { module, name, kind, params, body, span });
+        self.opens.entry(open).or_default().push(id);
+        work.functions.push(id);
+    }
+
+    /// Gives each open function its body: the clauses, last first, until one does not give nil.
+    fn close_opens(&mut self) {
+        for (open, clauses) in self.opens.clone() {
+            let proto = &self.program.functions[open.at()];
+            let (name, params) = (proto.name, proto.params.clone());
+            let span = Span::default();
+            let vars: Vec<VarId> = (0..params.names.len() as u32).map(VarId).collect();
+            let var = |name: &Symbol| crate::ast::Var { name: *name, span, assigned: None, captured: None };
+            let call = |clause: &FnId| {
+                let args = vars.iter().map(|var| Some(Expr::new(ExprKind::Var(*var), span))).collect();
+                Expr::new(ExprKind::Call(Callee::Function(*clause), args), span)
+            };
+            let body = match clauses.is_empty() {
+                true => Expr::nil(span),
+                false => Expr::new(ExprKind::Or(clauses.iter().rev().map(call).collect()), span),
+            };
+            let function = Function {
+                name,
+                kind: FnKind::Function,
+                vars: params.names.iter().map(var).collect(),
+                inputs: vars.iter().map(|var| (*var, None)).collect(),
+                params,
+                captures: Vec::new(),
+                body: vec![body],
+                span,
+            };
+            self.references.insert(open, clauses);
+            self.lower(open, &function);
+        }
+    }
+
+    // ------------------------------------------------------------------ what runs at load
+
+    /// Functions for the constants and forms of a text, in its order.
+    fn inits(&mut self, work: &mut Text, file: FileId) -> Vec<FnId> {
+        let mut functions = Vec::new();
+        let mut forms: Vec<Form> = Vec::new();
+        for init in std::mem::take(&mut work.init) {
+            match init {
+                Init::Form(form) => forms.push(form),
+                Init::Const(id, global, value, name) => {
+                    functions.extend(self.init_forms(work.module, &mut forms, file));
+                    let mut scope = Scope::new(work.module, FnKind::TopLevel);
+                    let value = self.expr(&mut scope, &value);
+                    let span = value.span;
+                    let define = Expr::new(ExprKind::Define(global, Box::new(value)), span);
+                    self.init_function(scope, id, name, vec![define], span);
+                    self.constants.push(id);
+                    functions.push(id);
+                }
+            }
+        }
+        functions.extend(self.init_forms(work.module, &mut forms, file));
+        functions
+    }
+
+    fn init_forms(&mut self, module: ModuleId, forms: &mut Vec<Form>, file: FileId) -> Option<FnId> {
+        let first = forms.first()?.span;
+        let mut scope = Scope::new(module, FnKind::TopLevel);
+        let body = std::mem::take(forms).iter().map(|form| self.expr(&mut scope, form)).collect();
+        let name = Symbol::from("top-level");
+        let id = self.declare(name, FnKind::TopLevel, module);
+        self.init_function(scope, id, name, body, Span { file, ..first });
+        Some(id)
+    }
+
+    fn init_function(&mut self, scope: Scope, id: FnId, name: Symbol, body: Vec<Expr>, span: Span) {
+        let function = self.finish_function(scope, name, Params::default(), Vec::new(), body, span);
+        self.lower(id, &function);
+    }
+
+    /// The code of an edit.
+    pub(crate) fn edit(&mut self, form: &Value, module: ModuleId, plan: FnId, original: bool) -> FnId {
+        let proto = &self.program.functions[plan.at()];
+        let (name, names) = (proto.name, proto.params.names.clone());
+        let place = proto.place;
+        let span = Span { file: FileId(place.file), start: place.start, end: place.end };
+        let id = self.declare(name, FnKind::Inserted, module);
+        let mut code = match to_form(form, span, &Places::default()) {
+            Ok(code) => code,
+            Err(_) => {
+                let (name, what) = (name.to_string(), vm::print::brief(form));
+                self.error(CompileError::NotAForm { name, what, at: span });
+                return id;
+            }
+        };
+        move_to(&mut code, span);
+        let scope = Scope::new(module, FnKind::Inserted).with_original(original);
+        let params = ParamForms::of_names(&names, span);
+        let function = self.function(scope, name, &params, std::slice::from_ref(&code), span);
+        self.lower(id, &function);
+        id
+    }
+}
+
+fn is_definition(form: &Form) -> bool {
+    form.head().is_some_and(|head| DEFINITIONS.contains(&head.as_str()))
+}
+
+/// A text before other forms is the documentation.
+fn split_doc(body: &[Form]) -> (Option<Box<str>>, &[Form]) {
+    match body {
+        [Form { kind: FormKind::Str(doc), .. }, rest @ ..] if !rest.is_empty() => (Some(doc.clone()), rest),
+        _ => (None, body),
+    }
+}

@@ -1,0 +1,132 @@
+//! Macros: functions from forms to forms, run while compiling.
+//!
+//! An expansion has fuel and no world. What the macro calls is compiled before it runs, and
+//! constants that stand above it are computed.
+
+use std::collections::BTreeSet;
+
+use grammar::Form;
+use vm::code::{FnId, Params};
+use vm::host::NoHost;
+use vm::machine::Progress;
+use vm::value::{Symbol, Value};
+
+use crate::Compiler;
+use crate::data::{NoForm, Places, to_form, to_value};
+use crate::error::CompileError;
+use crate::module::ModuleId;
+
+/// How deep expansions may nest.
+const MOST_LEVELS: usize = 200;
+/// Fuel of one expansion.
+const FUEL: u64 = 10_000_000;
+
+impl Compiler<'_> {
+    /// The expansion of a call of a macro, or nothing if there was an error.
+    pub(crate) fn expand(
+        &mut self,
+        _module: ModuleId,
+        name: Symbol,
+        function: FnId,
+        params: &Params,
+        form: &Form,
+    ) -> Option<Form> {
+        let at = form.span;
+        if self.expanding >= MOST_LEVELS {
+            self.error(CompileError::ExpandedTooDeep { limit: MOST_LEVELS, at });
+            return None;
+        }
+        let mut places = Places::default();
+        let args: Vec<Value> = form.list()?.iter().skip(1).map(|arg| to_value(arg, &mut places)).collect();
+        if let Some(needs) = self.prepare(function) {
+            let (name, needs) = (name.to_string(), needs.to_string());
+            self.error(CompileError::NotYet { name, needs, at });
+            return None;
+        }
+        let given = args.len();
+        let result = self.run_macro(function, args);
+        let value = match result {
+            Ok(value) => value,
+            Err(failure) => {
+                match failure.as_failure() {
+                    Some(it) if it.name == "arity-error" && it.place.is_none() => self.arity(name, params, given, at),
+                    _ => {
+                        let why = explain(&failure);
+                        self.error(CompileError::MacroFailed { name: name.to_string(), why, at });
+                    }
+                }
+                return None;
+            }
+        };
+        match to_form(&value, at, &places) {
+            Ok(form) => Some(form),
+            Err(NoForm::Value(what)) => {
+                self.error(CompileError::NotAForm { name: name.to_string(), what, at });
+                None
+            }
+            Err(NoForm::TooLarge) => {
+                self.error(CompileError::ExpandedTooDeep { limit: crate::data::MOST_NESTED, at });
+                None
+            }
+        }
+    }
+
+    /// Compiles a function and all that it mentions. Answers the name of one that cannot be.
+    fn prepare(&mut self, function: FnId) -> Option<Symbol> {
+        let mut seen = BTreeSet::new();
+        let mut todo = vec![function];
+        while let Some(id) = todo.pop() {
+            if !seen.insert(id) {
+                continue;
+            }
+            self.compile(id);
+            if let Some(references) = self.references.get(&id) {
+                todo.extend(references);
+            }
+            // Being compiled just now: the macro is used inside of what it needs.
+            let proto = &self.program.functions[id.at()];
+            if proto.end == proto.entry {
+                return Some(proto.name);
+            }
+        }
+        None
+    }
+
+    fn run_macro(&mut self, function: FnId, args: Vec<Value>) -> Result<Value, Value> {
+        let Compiler { front, program, .. } = self;
+        let constants: Vec<FnId> = front.constants[front.expander.constants..].to_vec();
+        front.expander.constants = front.constants.len();
+        let machine = &mut front.expander.machine;
+        std::mem::swap(&mut machine.program, program);
+        for constant in constants {
+            // One that fails will fail again, with its place, when the program is loaded.
+            if machine.program.functions[constant.at()].end.0 > 0 {
+                let _ = call(machine, constant, Vec::new());
+            }
+        }
+        let result = match machine.arrange(function, args) {
+            Ok(args) => call(machine, function, args),
+            Err(raise) => Err(Value::failure(*raise)),
+        };
+        std::mem::swap(&mut machine.program, program);
+        result
+    }
+}
+
+fn call(machine: &mut vm::Machine, function: FnId, args: Vec<Value>) -> Result<Value, Value> {
+    machine.limits.fuel = machine.steps() + FUEL;
+    machine.start(function, args);
+    match machine.go(&mut NoHost, None) {
+        Progress::Ended(outcome) => outcome,
+        Progress::Stopped => Ok(Value::NIL),
+    }
+}
+
+/// A failure in one line.
+fn explain(failure: &Value) -> String {
+    let Some(it) = failure.as_failure() else { return vm::print::brief(failure) };
+    match it.get(Symbol::from("message")).and_then(Value::as_str) {
+        Some(message) => format!("{} ({})", message, it.name),
+        None => vm::print::brief(failure),
+    }
+}

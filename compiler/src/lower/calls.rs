@@ -1,0 +1,183 @@
+//! Calls: arguments into a window, and natives that are instructions.
+
+use vm::code::{FnId, FnKind, SiteId};
+use vm::op::{Count, Op};
+use vm::value::{Imm, Symbol, Value};
+
+use super::Lower;
+use crate::ast::{Callee, Expr, ExprKind, Function};
+
+/// Natives of two arguments that are an instruction. The last flag swaps the arguments.
+const BINARY: &[(&str, fn(u8, u8, u8) -> Op, bool)] = &[
+    ("+", Op::Add, false),
+    ("-", Op::Sub, false),
+    ("*", Op::Mul, false),
+    ("/", Op::Div, false),
+    ("<", Op::Less, false),
+    ("<=", Op::LessEq, false),
+    (">", Op::Less, true),
+    (">=", Op::LessEq, true),
+    ("=", Op::NumEq, false),
+    ("identical?", Op::Identical, false),
+    ("cons", Op::Cons, false),
+];
+
+/// Natives of one argument that are an instruction.
+const UNARY: &[(&str, fn(u8, u8) -> Op)] =
+    &[("not", Op::Not), ("first", Op::First), ("car", Op::First), ("rest", Op::Rest), ("cdr", Op::Rest)];
+
+impl Lower<'_> {
+    /// Notes a call, made by the next instruction.
+    pub(super) fn site(&mut self, callee: Option<FnId>, name: Symbol, args: usize, value_used: bool) -> SiteId {
+        let in_node = matches!(self.kind, FnKind::Plan | FnKind::TopLevel);
+        self.sites.push(vm::code::Site {
+            owner: self.id,
+            pc: vm::code::Pc(self.code.len() as u32),
+            callee,
+            name,
+            args: args as u8,
+            hash: 0,
+            form: self.form,
+            rounds: self.rounds.clone().into(),
+            counted: !in_node || self.uncounted > 0,
+            value_used,
+        });
+        SiteId(self.sites.len() as u32 - 1)
+    }
+
+    pub(super) fn native_name(&self, callee: &Callee) -> Option<&'static str> {
+        let Callee::Native(native) = callee else { return None };
+        self.program.natives.get(native.at()).map(|native| native.name)
+    }
+
+    pub(super) fn call(&mut self, callee: &Callee, args: &[Option<Expr>], dst: u8, used: bool) {
+        if let Some(name) = self.native_name(callee)
+            && self.instruction(name, args, dst)
+        {
+            return;
+        }
+        match callee {
+            Callee::Function(f) => {
+                let window = self.window(args);
+                let name = self.program.functions[f.at()].name;
+                self.site(Some(*f), name, args.len(), used);
+                self.emit(Op::Call(dst, window, *f));
+            }
+            Callee::Plan(f) => {
+                let window = self.window(args);
+                let name = self.program.functions[f.at()].name;
+                let site = self.site(Some(*f), name, args.len(), used);
+                self.emit(Op::CallPlan(dst, window, site));
+            }
+            Callee::Native(native) => {
+                let window = self.window(args);
+                let name = self.program.natives[native.at()].name;
+                // A native may call back what it was given, so it is a site as well.
+                self.site(None, Symbol::from(name), args.len(), used);
+                self.emit(Op::CallNative(dst, window, Count(args.len() as u8), *native));
+            }
+            Callee::Value(callee) => {
+                let window = self.register();
+                self.expr(callee, window, true);
+                self.window(args);
+                let site = self.site(None, value_name(self, callee), args.len(), used);
+                self.emit(Op::CallValue(dst, window, Count(args.len() as u8), site));
+            }
+        }
+    }
+
+    /// Arguments in consecutive registers above all in use; the first of them.
+    fn window(&mut self, args: &[Option<Expr>]) -> u8 {
+        let registers: Vec<u8> = args.iter().map(|_| self.register()).collect();
+        let first = registers.first().copied().unwrap_or_else(|| self.scratch(Self::register));
+        for (arg, register) in args.iter().zip(&registers) {
+            match arg {
+                Some(arg) => self.expr(arg, *register, true),
+                None => {
+                    let unset = self.constant(&Value::UNSET);
+                    self.emit(Op::Const(*register, unset));
+                }
+            }
+        }
+        first
+    }
+
+    /// Natives that are instructions of the machine. False if this is none.
+    fn instruction(&mut self, name: &str, args: &[Option<Expr>], dst: u8) -> bool {
+        match args {
+            [Some(a)] => {
+                let Some((_, op)) = UNARY.iter().find(|(known, _)| *known == name) else { return false };
+                let a = self.operand(a);
+                self.emit(op(dst, a));
+            }
+            [Some(a), Some(b)] => {
+                let Some((_, op, swap)) = BINARY.iter().find(|(known, ..)| *known == name) else { return false };
+                if let Some(i) = small_int(b, name) {
+                    let a = self.operand(a);
+                    self.emit(Op::AddInt(dst, a, i));
+                    return true;
+                }
+                let (a, b) = (self.operand(a), self.operand(b));
+                self.emit(if *swap { op(dst, b, a) } else { op(dst, a, b) });
+            }
+            _ => {
+                if name != "list" {
+                    return false;
+                }
+                let items: Vec<Expr> = args.iter().flatten().cloned().collect();
+                let first = self.in_a_row(&items);
+                self.emit(Op::List(dst, first, Count(items.len() as u8)));
+            }
+        }
+        true
+    }
+
+    pub(super) fn perform(&mut self, desc: &Expr, goal: Option<&Function>, dst: u8, used: bool) {
+        let window = self.register();
+        let goal_register = self.register();
+        self.expr(desc, window, true);
+        match goal {
+            Some(goal) => self.scratch(|it| it.lambda(goal, goal_register)),
+            None => self.emit(Op::Nil(goal_register)),
+        }
+        let name = match &desc.kind {
+            ExprKind::Desc(kind, _) => *kind,
+            _ => Symbol::from("perform"),
+        };
+        let site = self.site(None, name, 2, used);
+        self.emit(Op::Perform(dst, window, site));
+    }
+
+    pub(super) fn tail_call(&mut self, f: FnId, args: &[Option<Expr>]) {
+        let window = self.window(args);
+        self.emit(Op::TailCall(window, Count(args.len() as u8), f));
+    }
+
+    pub(super) fn tail_call_value(&mut self, callee: &Expr, args: &[Option<Expr>]) {
+        let window = self.register();
+        self.expr(callee, window, true);
+        self.window(args);
+        let site = self.site(None, value_name(self, callee), args.len(), true);
+        self.emit(Op::TailCallValue(window, Count(args.len() as u8), site));
+        // What is no function of the program is called in an ordinary way and comes back here.
+        self.emit(Op::Return(window));
+    }
+}
+
+/// The number to add, for sums with a small constant.
+fn small_int(expr: &Expr, name: &str) -> Option<i32> {
+    let ExprKind::Const(Value::Imm(Imm::Int(i))) = expr.kind else { return None };
+    let i = i32::try_from(i).ok()?;
+    match name {
+        "+" => Some(i),
+        "-" => i.checked_neg(),
+        _ => None,
+    }
+}
+
+fn value_name(lower: &Lower<'_>, callee: &Expr) -> Symbol {
+    match &callee.kind {
+        ExprKind::Global(global) => lower.program.globals[global.at()],
+        _ => Symbol::from("call"),
+    }
+}

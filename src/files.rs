@@ -1,0 +1,114 @@
+//! The files of a program: where their texts come from, and what places in them are called.
+
+use std::path::{Path, PathBuf};
+
+use compiler::{Loader, Source};
+use grammar::FileId;
+
+/// All files that have been read, and how to find more.
+#[derive(Default)]
+pub struct Files {
+    files: Vec<File>,
+}
+
+/// A text with its name.
+#[derive(Debug, Clone)]
+pub struct File {
+    /// As shown in messages.
+    pub name: String,
+    /// Its text.
+    pub text: String,
+    /// Its folder, where `use` looks first.
+    folder: Option<PathBuf>,
+}
+
+/// Files larger than this are not read, in bytes.
+const LARGEST: u64 = 64 << 20;
+
+impl Files {
+    /// Adds a text that is not from a file.
+    pub fn add(&mut self, name: &str, text: &str) -> FileId {
+        self.push(name, text.to_string(), None)
+    }
+
+    fn push(&mut self, name: &str, text: String, folder: Option<PathBuf>) -> FileId {
+        self.files.push(File { name: name.into(), text, folder });
+        FileId(self.files.len() as u32 - 1)
+    }
+
+    /// A file that has been read.
+    #[must_use]
+    pub fn get(&self, id: FileId) -> Option<&File> {
+        self.files.get(id.0 as usize)
+    }
+
+    /// Reads a file of the user's.
+    ///
+    /// # Errors
+    /// A sentence that says why it cannot be read, or where it is no text.
+    pub fn read(&mut self, path: &Path) -> Result<Source, String> {
+        let name = path.display().to_string();
+        let text = read_text(path)?;
+        let key = path.canonicalize().map_or_else(|_| name.clone(), |full| full.display().to_string());
+        let folder = path.parent().map(Path::to_path_buf);
+        let file = self.push(&name, text.clone(), folder);
+        Ok(Source { file, text, key })
+    }
+
+    /// Line and column, from 1, of a byte in a file.
+    #[must_use]
+    pub fn line_column(&self, file: FileId, at: u32) -> Option<(usize, usize)> {
+        let text = &self.get(file)?.text;
+        let before = text.get(..at as usize)?;
+        let line = before.matches('\n').count() + 1;
+        let column = before.rsplit('\n').next().map_or(0, |line| line.chars().count()) + 1;
+        Some((line, column))
+    }
+
+    /// `name:line:column` of a place.
+    #[must_use]
+    pub fn show(&self, place: vm::Place) -> String {
+        let file = FileId(place.file);
+        match (self.get(file), self.line_column(file, place.start)) {
+            (Some(it), Some((line, column))) => format!("{}:{line}:{column}", it.name),
+            _ => "unknown place".into(),
+        }
+    }
+}
+
+/// Reads a file as text.
+///
+/// # Errors
+/// A sentence for the user.
+pub fn read_text(path: &Path) -> Result<String, String> {
+    let name = path.display();
+    let about = std::fs::metadata(path).map_err(|error| format!("cannot read {name}: {error}"))?;
+    if about.is_dir() {
+        return Err(format!("cannot read {name}: it is a folder"));
+    }
+    if about.len() > LARGEST {
+        return Err(format!("cannot read {name}: it has {} bytes, more than {LARGEST}", about.len()));
+    }
+    let bytes = std::fs::read(path).map_err(|error| format!("cannot read {name}: {error}"))?;
+    String::from_utf8(bytes).map_err(|error| {
+        let at = error.utf8_error().valid_up_to();
+        let line = error.as_bytes()[..at].iter().filter(|byte| **byte == b'\n').count() + 1;
+        format!("cannot read {name}: it is no UTF-8 text; the first wrong byte is number {at}, in line {line}")
+    })
+}
+
+impl Loader for Files {
+    fn load(&mut self, name: &str, from: FileId) -> Result<Source, String> {
+        if let Some((_, text)) = stdlib::MODULES.iter().find(|(module, _)| *module == name) {
+            let file = self.push(&format!("library/{name}.plan"), (*text).to_string(), None);
+            return Ok(Source { file, text: (*text).to_string(), key: name.into() });
+        }
+        let folder = self.get(from).and_then(|file| file.folder.clone()).unwrap_or_default();
+        let file_name = if name.ends_with(".plan") { name.to_string() } else { format!("{name}.plan") };
+        let path = folder.join(&file_name);
+        match path.exists() {
+            true => self.read(&path),
+            false => Err(format!("there is no library module and no file of this name; looked for {}", path.display())),
+        }
+    }
+}

@@ -1,0 +1,300 @@
+//! A session: a program, the machine that runs it, and the files that it comes from.
+
+use std::path::{Path, PathBuf};
+use std::time::{SystemTime, UNIX_EPOCH};
+
+use compiler::module::{Meaning, ModuleId};
+use compiler::{Front, Loaded, Report};
+use grammar::FileId;
+use serde_json::{Value as Json, json};
+use vm::code::{FnId, Program};
+use vm::host::{CodeRequest, Host, Request};
+use vm::limits::{Grants, Limits};
+use vm::log::Log;
+use vm::machine::{Machine, Outcome, Progress};
+use vm::value::{Symbol, Value};
+
+use crate::files::Files;
+use crate::render::{self, Style};
+
+/// How a session runs programs.
+#[derive(Debug, Clone, Default)]
+pub struct Options {
+    /// Limits of the run.
+    pub limits: Limits,
+    /// What the run may do besides computing.
+    pub grants: Grants,
+    /// Key of all random draws.
+    pub seed: u64,
+    /// Keep the syntax trees, for those who walk them.
+    pub keep_ast: bool,
+    /// How diagnostics are drawn.
+    pub style: Style,
+}
+
+/// Where the text goes that programs print, and lines of a trace.
+pub trait Output {
+    /// Text that the program prints.
+    fn print(&mut self, text: &str);
+    /// A start or an end, as it happens.
+    fn trace(&mut self, _line: &str) {}
+}
+
+impl Output for String {
+    fn print(&mut self, text: &str) {
+        self.push_str(text);
+    }
+}
+
+/// How a run ended.
+#[derive(Debug, Clone)]
+pub enum Ended {
+    /// The program has errors and was not run.
+    Errors(Vec<Report>),
+    /// A top-level form failed before the plan was called.
+    NotLoaded(Value),
+    /// The plan, or the file without one, has run.
+    Ran(Outcome),
+    /// The step that was to be reached has been reached.
+    Stopped,
+}
+
+/// A run of a text, with what it printed.
+#[derive(Debug)]
+pub struct Run {
+    /// What the program printed.
+    pub printed: String,
+    /// The value, or the failure as text.
+    pub outcome: Result<Value, String>,
+    /// The diagnostics as text.
+    pub diagnostics: String,
+}
+
+/// A program, the machine that runs it, and the files that it comes from.
+pub struct Session {
+    /// The files of the program.
+    pub files: Files,
+    /// What the compiler knows.
+    pub front: Front,
+    /// The machine.
+    pub machine: Machine,
+    /// The module of the user's file, or of the REPL.
+    pub module: ModuleId,
+    style: Style,
+    trace: bool,
+}
+
+/// The root's part of a run: prints, reads files, compiles the code of edits.
+struct Door<'a> {
+    front: &'a mut Front,
+    files: &'a mut Files,
+    grants: &'a Grants,
+    output: &'a mut dyn Output,
+    style: Style,
+}
+
+impl Host for Door<'_> {
+    fn print(&mut self, text: &str) {
+        self.output.print(text);
+    }
+    fn trace(&mut self, line: &str) {
+        self.output.trace(line);
+    }
+    fn answer(&mut self, request: &Request) -> Result<Json, String> {
+        match request {
+            Request::ReadFile(path) => {
+                granted("read", path, &self.grants.read)?;
+                crate::files::read_text(Path::new(path)).map(Json::String)
+            }
+            Request::WriteFile { path, text } => {
+                granted("write", path, &self.grants.write)?;
+                std::fs::write(path, text).map_err(|error| format!("cannot write {path}: {error}"))?;
+                Ok(Json::Null)
+            }
+            Request::Clock => {
+                let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+                Ok(json!(now.as_secs_f64()))
+            }
+        }
+    }
+    fn compile(&mut self, program: &mut Program, code: CodeRequest<'_>) -> Result<FnId, String> {
+        let compiled = self.front.compile_edit(program, code.form, code.plan, code.original);
+        compiled.map_err(|reports| {
+            let texts = reports.iter().map(|report| render::report(self.files, report, self.style));
+            texts.collect::<Vec<_>>().join("\n")
+        })
+    }
+}
+
+/// A path is granted if it lies below a granted folder, links resolved.
+fn granted(word: &str, path: &str, folders: &[String]) -> Result<(), String> {
+    let resolve = |path: &Path| path.canonicalize().ok();
+    let path_buf = PathBuf::from(path);
+    let full = resolve(&path_buf).or_else(|| {
+        // A file to be written may not exist: its folder must.
+        let folder = path_buf.parent().map(|it| if it.as_os_str().is_empty() { Path::new(".") } else { it })?;
+        Some(resolve(folder)?.join(path_buf.file_name()?))
+    });
+    let inside = full.is_some_and(|full| folders.iter().filter_map(|it| resolve(Path::new(it))).any(|it| full.starts_with(it)));
+    if inside { Ok(()) } else { Err(format!("cannot {word} {path}: no grant for it; allow it with --allow {word}=DIR")) }
+}
+
+impl Session {
+    /// A session with the library loaded.
+    ///
+    /// # Panics
+    /// If the library has errors: it is tested to have none.
+    #[must_use]
+    pub fn new(options: Options) -> Session {
+        let mut machine = Machine::new(options.limits, options.grants, options.seed);
+        machine.program.natives = stdlib::natives();
+        let mut front = Front::default();
+        front.keep_ast = options.keep_ast;
+        let mut files = Files::default();
+        let mut library = Vec::new();
+        for name in stdlib::PRELUDE {
+            let module = front.new_prelude(&mut machine.program, &mut files, name);
+            library.push(module);
+        }
+        let module = front.new_module("user");
+        let mut session = Session { files, front, machine, module, style: options.style, trace: false };
+        for loaded in library {
+            let errors: Vec<String> = loaded.reports.iter().map(|it| session.report(it)).collect();
+            assert!(errors.is_empty(), "the library has errors:\n{}", errors.join("\n"));
+            for init in loaded.init {
+                let mut ignored = String::new();
+                let outcome = session.call(init, Vec::new(), &mut ignored);
+                assert!(outcome.is_ok(), "the library cannot be loaded: {:?}", outcome.err());
+            }
+        }
+        session
+    }
+
+    /// Tell the output of every start and end.
+    pub fn trace(&mut self) {
+        self.trace = true;
+        self.machine.trace();
+    }
+
+    /// A diagnostic as text.
+    #[must_use]
+    pub fn report(&self, report: &Report) -> String {
+        render::report(&self.files, report, self.style)
+    }
+
+    /// Loads a file as the user's program.
+    ///
+    /// # Errors
+    /// A sentence that says why the file cannot be read.
+    pub fn load_file(&mut self, path: &Path) -> Result<Loaded, String> {
+        let source = self.files.read(path)?;
+        let Session { files, front, machine, .. } = self;
+        let loaded = front.load(&mut machine.program, files, &source);
+        self.module = self.front.module_of(&source.key).unwrap_or(self.module);
+        Ok(loaded)
+    }
+
+    /// Loads a text as the user's program.
+    pub fn load_text(&mut self, name: &str, text: &str) -> Loaded {
+        let file = self.files.add(name, text);
+        let source = compiler::Source { file, text: text.into(), key: format!("{name}#{}", file.0) };
+        let Session { files, front, machine, .. } = self;
+        let loaded = front.load(&mut machine.program, files, &source);
+        self.module = self.front.module_of(&source.key).unwrap_or(self.module);
+        loaded
+    }
+
+    /// Compiles a text into the module of the session, where it may define things again.
+    pub fn extend(&mut self, name: &str, text: &str) -> Loaded {
+        let file = self.files.add(name, text);
+        let Session { files, front, machine, module, .. } = self;
+        front.extend(&mut machine.program, files, *module, file, text)
+    }
+
+    /// Calls a function of the program and waits for it.
+    pub fn call(&mut self, function: FnId, args: Vec<Value>, output: &mut dyn Output) -> Outcome {
+        self.machine.start(function, args);
+        match self.go(output, None) {
+            Progress::Ended(outcome) => outcome,
+            Progress::Stopped => Ok(Value::NIL),
+        }
+    }
+
+    /// Goes on with what the machine does, until it ends or until `stop` units of fuel are used.
+    pub fn go(&mut self, output: &mut dyn Output, stop: Option<u64>) -> Progress {
+        let Session { files, front, machine, style, .. } = self;
+        let grants = machine.grants.clone();
+        let mut door = Door { front, files, grants: &grants, output, style: *style };
+        machine.go(&mut door, stop)
+    }
+
+    /// Uses what came from outside in an earlier run instead of asking again.
+    pub fn replay(&mut self, log: Log) {
+        self.machine.log = log.rewound();
+    }
+
+    /// The plan of this name in the user's module.
+    #[must_use]
+    pub fn plan(&self, name: &str) -> Option<FnId> {
+        match self.front.modules.look_up(self.module, Symbol::from(name)) {
+            compiler::module::Found::One(definition) => match definition.meaning {
+                Meaning::Plan(id, _) | Meaning::Function(id, _) => Some(id),
+                _ => None,
+            },
+            _ => None,
+        }
+    }
+
+    /// Runs what a text gave: its top-level forms, then the plan. The tree is the machine's.
+    pub fn run(&mut self, loaded: Loaded, plan: Option<&str>, output: &mut dyn Output) -> Ended {
+        if !loaded.reports.iter().all(Report::is_warning) {
+            return Ended::Errors(loaded.reports);
+        }
+        let mut last = Value::NIL;
+        for init in loaded.init {
+            match self.call(init, Vec::new(), output) {
+                Ok(value) => last = value,
+                Err(failure) => {
+                    self.machine.finish(&Err(failure.clone()));
+                    return Ended::NotLoaded(failure);
+                }
+            }
+        }
+        let call = match plan {
+            Some(name) => format!("({name})"),
+            None if self.plan("main").is_some() => "(main)".into(),
+            None => {
+                self.machine.finish(&Ok(last.clone()));
+                return Ended::Ran(Ok(last));
+            }
+        };
+        let loaded = self.extend("the call of the plan", &call);
+        if !loaded.reports.is_empty() {
+            return Ended::Errors(loaded.reports);
+        }
+        let Some(init) = loaded.init.last() else { return Ended::Ran(Ok(last)) };
+        let outcome = self.call(*init, Vec::new(), output);
+        self.machine.finish(&outcome);
+        Ended::Ran(outcome)
+    }
+
+    /// Runs a text as a program of its own: for tests and for embedding.
+    pub fn run_text(&mut self, name: &str, text: &str) -> Run {
+        let mut printed = String::new();
+        let loaded = self.load_text(name, text);
+        let diagnostics: String = loaded.reports.iter().map(|report| self.report(report)).collect();
+        let outcome = match self.run(loaded, None, &mut printed) {
+            Ended::Ran(Ok(value)) => Ok(value),
+            Ended::Ran(Err(failure)) | Ended::NotLoaded(failure) => Err(render::failure(&self.files, &failure)),
+            Ended::Errors(reports) => Err(reports.iter().map(|report| self.report(report)).collect()),
+            Ended::Stopped => Err("stopped".into()),
+        };
+        Run { printed, outcome, diagnostics }
+    }
+
+    /// The text of a file, by its number.
+    #[must_use]
+    pub fn text(&self, file: FileId) -> Option<&str> {
+        self.files.get(file).map(|file| file.text.as_str())
+    }
+}

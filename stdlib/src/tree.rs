@@ -1,0 +1,275 @@
+//! Task trees as values: running a plan as a root, looking at what ran, changing places of it.
+
+use std::rc::Rc;
+
+use vm::edit::{Edit, What};
+use vm::machine::Ctx;
+use vm::native::{Next, Raise, range_error, type_error};
+use vm::path::{Path, PathStep};
+use vm::tree::{ROOT, RecId, SlotId, Status, Tree};
+use vm::value::{Imm, Map, Obj, Symbol, Value};
+
+use crate::table::natives;
+
+natives! {
+    "run-plan" [1 ..] in ctx => run_plan;
+    "edit-tree" [2] in ctx => edit_tree;
+    "tree?" [1] => |args: &[Value]| Ok(Value::bool(args[0].as_tree().is_some()));
+    "path?" [1] => |args: &[Value]| Ok(Value::bool(args[0].as_path().is_some()));
+    "make-path" [1] => make_path;
+    "path->list" [1] => path_list;
+    "path->string" [1] => |args: &[Value]| Ok(Value::str(path(&args[0])?.show()));
+    "tree-paths" [1] => tree_paths;
+    "tree-status" [1 2] => |args: &[Value]| Ok(Value::symbol(record(args)?.status.word()));
+    "tree-value" [1 2] => tree_value;
+    "tree-failure" [1 2] => tree_failure;
+    "tree-attempts" [1 2] => |args: &[Value]| Ok(Value::int(i64::from(record(args)?.attempt)));
+    "tree-why" [1 2] => tree_why;
+    "tree-start" [1 2] => |args: &[Value]| Ok(seconds(record(args)?.start));
+    "tree-end" [1 2] => |args: &[Value]| Ok(seconds(record(args)?.end));
+    "tree-params" [1 2] in ctx => tree_params;
+    "tree-written" [1 2] => tree_written;
+    "tree-notes" [1 2] => tree_notes;
+    "tree-text" [1] in ctx => tree_text;
+    "tree-edits" [1] => tree_edits;
+    "skip" [1 ..] => skip;
+    "replace" [2 ..] => |args: &[Value]| with_code(args, What::Replace);
+    "before" [2 ..] => |args: &[Value]| with_code(args, What::Before);
+    "after" [2 ..] => |args: &[Value]| with_code(args, What::After);
+    "wrap" [2 ..] => |args: &[Value]| with_code(args, What::Wrap);
+    "with-param" [3 ..] => with_param;
+    "defer" [3 ..] => defer;
+    "owe" [6 ..] => owe;
+}
+
+fn tree(value: &Value) -> Result<&Rc<Tree>, Raise> {
+    value.as_tree().ok_or_else(|| type_error("a tree", value))
+}
+
+fn path(value: &Value) -> Result<&Path, Raise> {
+    value.as_path().ok_or_else(|| type_error("a path", value))
+}
+
+/// Keywords and values after the arguments that have a place, each keyword one of `known`.
+fn keywords<'a>(args: &'a [Value], known: &[&str]) -> Result<Vec<(Symbol, &'a Value)>, Raise> {
+    let mut pairs = Vec::new();
+    for pair in args.chunks(2) {
+        let key = pair[0].as_keyword().filter(|key| known.is_empty() || known.contains(&key.as_str()));
+        match (key, pair.get(1)) {
+            (Some(key), Some(value)) => pairs.push((key, value)),
+            (Some(_), None) => return Err(range_error("a keyword without a value", &pair[0])),
+            (None, _) => {
+                let names: Vec<String> = known.iter().map(|name| format!(":{name}")).collect();
+                return Err(range_error(format!("expected one of {}", names.join(" ")), &pair[0]));
+            }
+        }
+    }
+    Ok(pairs)
+}
+
+fn find<'a>(pairs: &[(Symbol, &'a Value)], key: &str) -> Option<&'a Value> {
+    pairs.iter().find(|(name, _)| *name == key).map(|(_, value)| *value)
+}
+
+// ---------------------------------------------------------------------------------------------
+// Running
+
+fn run_plan(_: &mut Ctx<'_>, args: &[Value]) -> Result<Next, Raise> {
+    let pairs = keywords(&args[1..], &["args", "tree"])?;
+    let given = find(&pairs, "args").map_or(Ok(Vec::new()), vm::native::list)?;
+    let tree = find(&pairs, "tree").filter(|tree| !tree.is_nil()).cloned();
+    Ok(Next::RunPlan { plan: args[0].clone(), args: given, tree })
+}
+
+fn edit_tree(_: &mut Ctx<'_>, args: &[Value]) -> Result<Next, Raise> {
+    Ok(Next::EditTree { tree: args[0].clone(), edits: args[1].clone() })
+}
+
+// ---------------------------------------------------------------------------------------------
+// Looking
+
+/// The slot at a path; without one, the plan that the tree is of.
+fn slot(args: &[Value]) -> Result<(&Rc<Tree>, SlotId), Raise> {
+    let tree = tree(&args[0])?;
+    let slot = match args.get(1) {
+        Some(at) => path(at)?.find(tree).map_err(|why| range_error(why, at))?,
+        None => tree.children(ROOT).last().copied().unwrap_or(ROOT),
+    };
+    Ok((tree, slot))
+}
+
+fn record(args: &[Value]) -> Result<&vm::tree::Record, Raise> {
+    let (tree, rec) = record_id(args)?;
+    Ok(tree.record(rec))
+}
+
+fn record_id(args: &[Value]) -> Result<(&Rc<Tree>, RecId), Raise> {
+    let (tree, slot) = slot(args)?;
+    let rec = tree.shown(slot).ok_or_else(|| range_error("the run did not reach this place", &args[0]))?;
+    Ok((tree, rec))
+}
+
+fn tree_value(args: &[Value]) -> Result<Value, Raise> {
+    let record = record(args)?;
+    Ok(if record.status == Status::Failed { Value::NIL } else { record.value.clone() })
+}
+
+fn tree_failure(args: &[Value]) -> Result<Value, Raise> {
+    let record = record(args)?;
+    Ok(if record.status == Status::Failed { record.value.clone() } else { Value::NIL })
+}
+
+fn tree_why(args: &[Value]) -> Result<Value, Raise> {
+    let why = record(args)?.why.word();
+    Ok(if why.is_empty() { Value::NIL } else { Value::symbol(why) })
+}
+
+fn seconds(ns: u64) -> Value {
+    Value::float(ns as f64 / 1e9)
+}
+
+fn tree_params(ctx: &mut Ctx<'_>, args: &[Value]) -> Result<Next, Raise> {
+    let (tree, rec) = record_id(args)?;
+    let params = vm::show::params(ctx.program, tree, rec);
+    let map: Map = params.into_iter().map(|(name, value)| (Value::Imm(Imm::Keyword(name)), value)).collect();
+    Ok(Value::map(map).into())
+}
+
+fn tree_written(args: &[Value]) -> Result<Value, Raise> {
+    let (tree, rec) = record_id(args)?;
+    let written = tree.extra(rec).and_then(|extra| extra.written.clone()).unwrap_or_else(|| tree.args(rec));
+    Ok(Value::list(written))
+}
+
+fn tree_notes(args: &[Value]) -> Result<Value, Raise> {
+    let (tree, rec) = record_id(args)?;
+    let notes = tree.extra(rec).map_or(&[][..], |extra| &extra.notes);
+    Ok(Value::list(notes.iter().map(|note| Value::str(note.as_str())).collect::<Vec<_>>()))
+}
+
+fn tree_text(ctx: &mut Ctx<'_>, args: &[Value]) -> Result<Next, Raise> {
+    const MOST: usize = 10_000;
+    Ok(Value::str(vm::show::text(ctx.program, tree(&args[0])?, MOST)).into())
+}
+
+fn tree_edits(args: &[Value]) -> Result<Value, Raise> {
+    let edits = tree(&args[0])?.edits.iter();
+    let edits = edits.map(|accepted| Value::new(Obj::Edit(Box::new((*accepted.edit).clone()))));
+    Ok(Value::list(edits.collect::<Vec<_>>()))
+}
+
+/// All paths that the run reached, parents before children.
+fn tree_paths(args: &[Value]) -> Result<Value, Raise> {
+    let tree = tree(&args[0])?;
+    let mut paths = Vec::new();
+    let mut todo: Vec<(SlotId, Vec<PathStep>)> = vec![(ROOT, Vec::new())];
+    while let Some((slot, steps)) = todo.pop() {
+        if !steps.is_empty() {
+            paths.push(Value::new(Obj::Path(Box::new(Path { steps: steps.clone() }))));
+        }
+        let mut ranks: std::collections::BTreeMap<&str, u32> = std::collections::BTreeMap::new();
+        let mut below = Vec::new();
+        for child in tree.children(slot) {
+            let name = tree.slot(child).name;
+            let call = ranks.entry(name.as_str()).or_insert(0);
+            *call += 1;
+            let mut steps = steps.clone();
+            steps.push(PathStep { name, call: *call });
+            below.push((child, steps));
+        }
+        todo.extend(below.into_iter().rev());
+    }
+    Ok(Value::list(paths))
+}
+
+/// `(make-path '(main (transporting 2)))`: names, or names with the number of the call.
+fn make_path(args: &[Value]) -> Result<Value, Raise> {
+    let step = |value: &Value| {
+        let wrong = || type_error("a name, or a list of a name and the number of the call", value);
+        if let Some(name) = value.as_symbol() {
+            return Ok(PathStep { name, call: 1 });
+        }
+        let parts = value.to_vec().ok_or_else(wrong)?;
+        match parts.as_slice() {
+            [name, call] => {
+                let call = call.as_int().and_then(|call| u32::try_from(call).ok()).filter(|call| *call > 0);
+                Ok(PathStep { name: name.as_symbol().ok_or_else(wrong)?, call: call.ok_or_else(wrong)? })
+            }
+            _ => Err(wrong()),
+        }
+    };
+    let steps = vm::native::list(&args[0])?.iter().map(step).collect::<Result<Vec<_>, Raise>>()?;
+    Ok(Value::new(Obj::Path(Box::new(Path { steps }))))
+}
+
+fn path_list(args: &[Value]) -> Result<Value, Raise> {
+    let steps = path(&args[0])?.steps.iter().map(|step| match step.call {
+        1 => Value::Imm(Imm::Symbol(step.name)),
+        call => Value::list([Value::Imm(Imm::Symbol(step.name)), Value::int(i64::from(call))]),
+    });
+    Ok(Value::list(steps.collect::<Vec<_>>()))
+}
+
+// ---------------------------------------------------------------------------------------------
+// Edits
+
+/// An edit at a path, with the guard that the call must pass.
+fn edit(at: &Value, what: What, guard: Option<&Value>) -> Result<Value, Raise> {
+    let guard = match guard {
+        None => Vec::new(),
+        Some(value) => {
+            let map = value.as_map().ok_or_else(|| type_error("a map from keywords to values", value))?;
+            let pair = |(key, wanted): (&Value, &Value)| {
+                let key = key.as_keyword().ok_or_else(|| type_error("a keyword", key))?;
+                Ok((key, wanted.clone()))
+            };
+            map.iter().map(pair).collect::<Result<Vec<_>, Raise>>()?
+        }
+    };
+    Ok(Value::new(Obj::Edit(Box::new(Edit { at: path(at)?.clone(), what, guard }))))
+}
+
+fn skip(args: &[Value]) -> Result<Value, Raise> {
+    let pairs = keywords(&args[1..], &["value", "guard"])?;
+    edit(&args[0], What::Skip(find(&pairs, "value").cloned()), find(&pairs, "guard"))
+}
+
+fn with_code(args: &[Value], what: fn(Value) -> What) -> Result<Value, Raise> {
+    let pairs = keywords(&args[2..], &["guard"])?;
+    edit(&args[0], what(args[1].clone()), find(&pairs, "guard"))
+}
+
+fn with_param(args: &[Value]) -> Result<Value, Raise> {
+    let pairs = keywords(&args[1..], &[])?;
+    let mut changes = pairs.iter().filter(|(key, _)| *key != "guard");
+    let (Some((key, value)), None) = (changes.next(), changes.next()) else {
+        return Err(range_error("with-param changes one parameter", &args[0]));
+    };
+    edit(&args[0], What::WithParam(*key, (*value).clone()), find(&pairs, "guard"))
+}
+
+/// A path, or a list of paths.
+fn paths(value: &Value) -> Result<Vec<Path>, Raise> {
+    match value.as_path() {
+        Some(path) => Ok(vec![path.clone()]),
+        None => vm::native::list(value)?.iter().map(|item| path(item).cloned()).collect(),
+    }
+}
+
+fn required<'a>(pairs: &[(Symbol, &'a Value)], key: &str, of: &Value) -> Result<&'a Value, Raise> {
+    find(pairs, key).ok_or_else(|| range_error(format!("the edit needs :{key}"), of))
+}
+
+fn defer(args: &[Value]) -> Result<Value, Raise> {
+    let pairs = keywords(&args[1..], &["after", "guard"])?;
+    let after = paths(required(&pairs, "after", &args[0])?)?;
+    edit(&args[0], What::Defer(after), find(&pairs, "guard"))
+}
+
+fn owe(args: &[Value]) -> Result<Value, Raise> {
+    let pairs = keywords(&args[2..], &["after", "as", "guard"])?;
+    let after = paths(required(&pairs, "after", &args[0])?)?;
+    let name = required(&pairs, "as", &args[0])?;
+    let name = name.as_symbol().ok_or_else(|| type_error("a symbol", name))?;
+    edit(&args[0], What::Owe { code: args[1].clone(), after, name }, find(&pairs, "guard"))
+}
