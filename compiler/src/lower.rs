@@ -27,6 +27,17 @@ const MOST_REGISTERS: usize = 240;
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Label(usize);
 
+/// Who looks at the value of an expression.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Use {
+    /// The program: it cannot be left out.
+    Value,
+    /// Nobody but the node that it is the value of: it is nil if a call is left out.
+    Last,
+    /// Nobody.
+    Nothing,
+}
+
 /// What `return` and `retry` leave, innermost last.
 #[derive(Debug, Clone, Copy)]
 enum Target {
@@ -132,7 +143,7 @@ impl<'p> Lower<'p> {
                 let given = self.label();
                 self.jump_to(given, |to| Op::JumpIfSet(register, to));
                 match default {
-                    Some(default) => self.expr(default, register, true),
+                    Some(default) => self.expr(default, register, Use::Value),
                     None => self.emit(Op::Nil(register)),
                 }
                 self.bind(given);
@@ -142,7 +153,7 @@ impl<'p> Lower<'p> {
             FnKind::Function | FnKind::Lambda => self.tail_body(&function.body),
             FnKind::Plan | FnKind::TopLevel | FnKind::Inserted => {
                 let dst = self.register();
-                self.body(&function.body, dst, false);
+                self.body(&function.body, dst, Use::Last);
                 self.emit(if self.kind == FnKind::Plan { Op::ReturnPlan(dst) } else { Op::Return(dst) });
             }
         }
@@ -291,8 +302,8 @@ impl<'p> Lower<'p> {
 
     // ------------------------------------------------------------------ expressions
 
-    /// Puts the value of an expression into `dst`. `used` is false where nobody looks at it.
-    fn expr(&mut self, expr: &Expr, dst: u8, used: bool) {
+    /// Puts the value of an expression into `dst`, if somebody looks at it.
+    fn expr(&mut self, expr: &Expr, dst: u8, used: Use) {
         let around = std::mem::replace(&mut self.span, expr.span);
         let before = self.next;
         self.expr_kind(expr, dst, used);
@@ -300,10 +311,10 @@ impl<'p> Lower<'p> {
         self.span = around;
     }
 
-    fn expr_kind(&mut self, expr: &Expr, dst: u8, used: bool) {
+    fn expr_kind(&mut self, expr: &Expr, dst: u8, used: Use) {
         match &expr.kind {
             ExprKind::Const(value) => {
-                if used {
+                if used != Use::Nothing {
                     self.load(value, dst);
                 }
             }
@@ -315,7 +326,7 @@ impl<'p> Lower<'p> {
             }
             ExprKind::Global(global) => self.emit(Op::Global(dst, *global)),
             ExprKind::Define(global, value) => {
-                self.expr(value, dst, true);
+                self.expr(value, dst, Use::Value);
                 self.emit(Op::SetGlobal(dst, *global));
             }
             ExprKind::Let(parts, body) => {
@@ -395,7 +406,7 @@ impl<'p> Lower<'p> {
             return self.var(*var);
         }
         let register = self.register();
-        self.expr(expr, register, true);
+        self.expr(expr, register, Use::Value);
         register
     }
 
@@ -403,7 +414,7 @@ impl<'p> Lower<'p> {
     fn in_a_row(&mut self, items: &[Expr]) -> u8 {
         let registers: Vec<u8> = items.iter().map(|_| self.register()).collect();
         for (item, register) in items.iter().zip(&registers) {
-            self.expr(item, *register, true);
+            self.expr(item, *register, Use::Value);
         }
         registers.first().copied().unwrap_or(0)
     }
@@ -412,7 +423,7 @@ impl<'p> Lower<'p> {
         let registers: Vec<u8> = fields.iter().flat_map(|_| [0, 0]).map(|_: u8| self.register()).collect();
         for ((key, value), pair) in fields.iter().zip(registers.chunks(2)) {
             self.load(&Value::Imm(Imm::Keyword(*key)), pair[0]);
-            self.expr(value, pair[1], true);
+            self.expr(value, pair[1], Use::Value);
         }
         registers.first().copied().unwrap_or(0)
     }
@@ -420,7 +431,7 @@ impl<'p> Lower<'p> {
     fn desc(&mut self, kind: Symbol, properties: &[(Symbol, Expr)], dst: u8) {
         let registers: Vec<u8> = properties.iter().map(|_| self.register()).collect();
         for ((_, value), register) in properties.iter().zip(&registers) {
-            self.expr(value, *register, true);
+            self.expr(value, *register, Use::Value);
         }
         let names = std::iter::once(kind).chain(properties.iter().map(|(key, _)| *key));
         let shape = Value::list(names.map(|name| Value::Imm(Imm::Symbol(name))).collect::<Vec<_>>());
@@ -439,12 +450,12 @@ impl<'p> Lower<'p> {
                 continue;
             }
             let register = self.register();
-            self.step(|it| it.expr(value, register, true));
+            self.step(|it| it.expr(value, register, Use::Value));
             self.vars[var.0 as usize] = register;
         }
     }
 
-    fn set(&mut self, var: VarId, value: &Expr, dst: u8, used: bool) {
+    fn set(&mut self, var: VarId, value: &Expr, dst: u8, used: Use) {
         let register = self.var(var);
         // The value may look at the variable until it is complete.
         let simple = match &value.kind {
@@ -453,21 +464,21 @@ impl<'p> Lower<'p> {
             _ => false,
         };
         if simple {
-            self.expr(value, register, true);
+            self.expr(value, register, Use::Value);
         } else {
             let complete = self.register();
-            self.expr(value, complete, true);
+            self.expr(value, complete, Use::Value);
             self.emit(Op::Move(register, complete));
         }
-        if used && register != dst {
+        if used != Use::Nothing && register != dst {
             self.emit(Op::Move(dst, register));
         }
     }
 
     /// Several expressions; the value of the last goes to `dst`.
-    fn body(&mut self, body: &[Expr], dst: u8, used: bool) {
+    fn body(&mut self, body: &[Expr], dst: u8, used: Use) {
         let Some((last, first)) = body.split_last() else {
-            if used {
+            if used != Use::Nothing {
                 self.emit(Op::Nil(dst));
             }
             return;
@@ -476,7 +487,7 @@ impl<'p> Lower<'p> {
             self.step(|it| {
                 it.scratch(|it| {
                     let unused = it.register();
-                    it.expr(expr, unused, false);
+                    it.expr(expr, unused, Use::Nothing);
                 });
             });
         }
@@ -517,7 +528,7 @@ impl<'p> Lower<'p> {
                     self.step(|it| {
                         it.scratch(|it| {
                             let unused = it.register();
-                            it.expr(expr, unused, false);
+                            it.expr(expr, unused, Use::Nothing);
                         });
                     });
                 }
@@ -558,7 +569,7 @@ impl<'p> Lower<'p> {
             }
             _ => {
                 let dst = self.register();
-                self.expr(expr, dst, true);
+                self.expr(expr, dst, Use::Value);
                 self.emit(Op::Return(dst));
             }
         }

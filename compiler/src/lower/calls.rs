@@ -4,7 +4,7 @@ use vm::code::{FnId, FnKind, SiteId};
 use vm::op::{Count, Op};
 use vm::value::{Imm, Symbol, Value};
 
-use super::Lower;
+use super::{Lower, Use};
 use crate::ast::{Callee, Expr, ExprKind, Function};
 
 /// Natives of two arguments that are an instruction. The last flag swaps the arguments.
@@ -28,7 +28,7 @@ const UNARY: &[(&str, fn(u8, u8) -> Op)] =
 
 impl Lower<'_> {
     /// Notes a call, made by the next instruction.
-    pub(super) fn site(&mut self, callee: Option<FnId>, name: Symbol, args: usize, value_used: bool) -> SiteId {
+    pub(super) fn site(&mut self, callee: Option<FnId>, name: Symbol, args: usize, value_used: Use) -> SiteId {
         let in_node = matches!(self.kind, FnKind::Plan | FnKind::TopLevel);
         self.sites.push(vm::code::Site {
             owner: self.id,
@@ -40,7 +40,7 @@ impl Lower<'_> {
             form: self.form,
             rounds: self.rounds.clone().into(),
             counted: !in_node || self.uncounted > 0,
-            value_used,
+            value_used: value_used == Use::Value,
         });
         SiteId(self.sites.len() as u32 - 1)
     }
@@ -50,7 +50,7 @@ impl Lower<'_> {
         self.program.natives.get(native.at()).map(|native| native.name)
     }
 
-    pub(super) fn call(&mut self, callee: &Callee, args: &[Option<Expr>], dst: u8, used: bool) {
+    pub(super) fn call(&mut self, callee: &Callee, args: &[Option<Expr>], dst: u8, used: Use) {
         if let Some(name) = self.native_name(callee)
             && self.instruction(name, args, dst)
         {
@@ -78,7 +78,7 @@ impl Lower<'_> {
             }
             Callee::Value(callee) => {
                 let window = self.register();
-                self.expr(callee, window, true);
+                self.expr(callee, window, Use::Value);
                 self.window(args);
                 let site = self.site(None, value_name(self, callee), args.len(), used);
                 self.emit(Op::CallValue(dst, window, Count(args.len() as u8), site));
@@ -92,7 +92,7 @@ impl Lower<'_> {
         let first = registers.first().copied().unwrap_or_else(|| self.scratch(Self::register));
         for (arg, register) in args.iter().zip(&registers) {
             match arg {
-                Some(arg) => self.expr(arg, *register, true),
+                Some(arg) => self.expr(arg, *register, Use::Value),
                 None => {
                     let unset = self.constant(&Value::UNSET);
                     self.emit(Op::Const(*register, unset));
@@ -132,10 +132,10 @@ impl Lower<'_> {
         true
     }
 
-    pub(super) fn perform(&mut self, desc: &Expr, goal: Option<&Function>, dst: u8, used: bool) {
+    pub(super) fn perform(&mut self, desc: &Expr, goal: Option<&Function>, dst: u8, used: Use) {
         let window = self.register();
         let goal_register = self.register();
-        self.expr(desc, window, true);
+        self.expr(desc, window, Use::Value);
         match goal {
             Some(goal) => self.scratch(|it| it.lambda(goal, goal_register)),
             None => self.emit(Op::Nil(goal_register)),
@@ -155,9 +155,9 @@ impl Lower<'_> {
 
     pub(super) fn tail_call_value(&mut self, callee: &Expr, args: &[Option<Expr>]) {
         let window = self.register();
-        self.expr(callee, window, true);
+        self.expr(callee, window, Use::Value);
         self.window(args);
-        let site = self.site(None, value_name(self, callee), args.len(), true);
+        let site = self.site(None, value_name(self, callee), args.len(), Use::Value);
         self.emit(Op::TailCallValue(window, Count(args.len() as u8), site));
         // What is no function of the program is called in an ordinary way and comes back here.
         self.emit(Op::Return(window));

@@ -4,15 +4,15 @@ use vm::code::{FormKind, Pc, RoundKey};
 use vm::op::{Count, Kind, Op, ShortConst};
 use vm::value::Value;
 
-use super::{Exit, Label, Lower, Protection, Target};
+use super::{Exit, Label, Lower, Protection, Target, Use};
 use crate::ast::{Clause, Expr, ExprKind, VarId};
 
 impl Lower<'_> {
-    pub(super) fn if_(&mut self, test: &Expr, then: &Expr, other: &Expr, dst: u8, used: bool) {
+    pub(super) fn if_(&mut self, test: &Expr, then: &Expr, other: &Expr, dst: u8, used: Use) {
         let (no, end) = (self.label(), self.label());
         self.test(test, no, false);
         self.step(|it| it.expr(then, dst, used));
-        if !used && matches!(other.kind, ExprKind::Const(_)) {
+        if used == Use::Nothing && matches!(other.kind, ExprKind::Const(_)) {
             self.bind(no);
             return;
         }
@@ -27,7 +27,7 @@ impl Lower<'_> {
         let end = self.label();
         let value = self.register();
         for (i, part) in parts.iter().enumerate() {
-            self.step(|it| it.expr(part, value, true));
+            self.step(|it| it.expr(part, value, Use::Value));
             if i + 1 < parts.len() {
                 self.jump_to(end, |to| stop(value, to));
             }
@@ -41,7 +41,7 @@ impl Lower<'_> {
         let end = self.label();
         let value = self.register();
         for part in first {
-            self.step(|it| it.expr(part, value, true));
+            self.step(|it| it.expr(part, value, Use::Value));
             self.jump_to(end, |to| if or { Op::JumpIfTrue(value, to) } else { Op::JumpIfFalse(value, to) });
         }
         self.step(|it| it.tail(last));
@@ -55,7 +55,7 @@ impl Lower<'_> {
         arms: &[(Vec<Value>, Vec<Expr>)],
         otherwise: &[Expr],
         dst: u8,
-        used: bool,
+        used: Use,
     ) {
         let end = self.label();
         let register = self.operand(subject);
@@ -140,7 +140,7 @@ impl Lower<'_> {
             self.step(|it| {
                 it.scratch(|it| {
                     let unused = it.register();
-                    it.expr(expr, unused, false);
+                    it.expr(expr, unused, Use::Nothing);
                 });
             });
         }
@@ -213,7 +213,7 @@ impl Lower<'_> {
     }
 
     /// The value of a loop that came to its end.
-    pub(super) fn result(&mut self, result: &Expr, dst: u8, used: bool) {
+    pub(super) fn result(&mut self, result: &Expr, dst: u8, used: Use) {
         let out = self.pending_out.take();
         self.expr(result, dst, used);
         if let Some(out) = out {
@@ -223,7 +223,7 @@ impl Lower<'_> {
 
     // ------------------------------------------------------------------ handlers and clean-ups
 
-    pub(super) fn handle(&mut self, clauses: &[Clause], body: &[Expr], dst: u8, used: bool) {
+    pub(super) fn handle(&mut self, clauses: &[Clause], body: &[Expr], dst: u8, used: Use) {
         self.guards = true;
         let (failure, mark) = (self.register(), self.register());
         let (start, handler, end) = (self.label(), self.label(), self.label());
@@ -273,7 +273,7 @@ impl Lower<'_> {
                     }
                 }
                 let unused = it.register();
-                it.body(&clause.body, unused, false);
+                it.body(&clause.body, unused, Use::Nothing);
                 it.emit(Op::Raise(failure));
             });
         });
@@ -309,7 +309,7 @@ impl Lower<'_> {
             None => return,
         };
         let complete = self.register();
-        self.expr(value, complete, true);
+        self.expr(value, complete, Use::Value);
         self.emit(Op::Move(dst, complete));
         self.leave(Exit::Jump(end), protections);
     }
@@ -333,7 +333,7 @@ impl Lower<'_> {
         }
     }
 
-    pub(super) fn protect(&mut self, body: &Expr, cleanup: &[Expr], dst: u8, used: bool) {
+    pub(super) fn protect(&mut self, body: &Expr, cleanup: &[Expr], dst: u8, used: Use) {
         self.guards = true;
         let pending = self.register();
         let start = self.label();
@@ -350,7 +350,7 @@ impl Lower<'_> {
             self.step(|it| {
                 it.scratch(|it| {
                     let unused = it.register();
-                    it.expr(expr, unused, false);
+                    it.expr(expr, unused, Use::Nothing);
                 });
             });
         }
