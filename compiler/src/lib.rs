@@ -14,6 +14,7 @@ pub mod error;
 mod expand;
 mod lower;
 pub mod module;
+pub mod pages;
 mod resolve;
 
 use std::collections::BTreeMap;

@@ -13,6 +13,7 @@ pub mod value;
 pub mod desc;
 pub mod geometry;
 pub mod failure;
+pub mod pages;
 pub mod print;
 pub mod arith;
 pub mod random;
