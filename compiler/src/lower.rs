@@ -339,19 +339,19 @@ impl<'p> Lower<'p> {
             ExprKind::Or(parts) => self.and_or(parts, dst, Op::JumpIfTrue),
             ExprKind::Seq(body) => self.body(body, dst, used),
             ExprKind::Case(subject, arms, otherwise) => self.case(subject, arms, otherwise, dst, used),
-            ExprKind::While(test, body) => self.while_(test, body, dst),
-            ExprKind::Dolist { var, list, body, result } => {
-                self.dolist(*var, list, body, dst);
-                self.result(result, dst, used);
-            }
-            ExprKind::Dotimes { var, count, body, result } => {
-                self.dotimes(*var, count, body, dst);
-                self.result(result, dst, used);
-            }
+            ExprKind::While(test, body) => self.step(|it| it.while_(test, body, dst)),
+            ExprKind::Dolist { var, list, body, result } => self.step(|it| {
+                it.dolist(*var, list, body, dst);
+                it.result(result, dst, used);
+            }),
+            ExprKind::Dotimes { var, count, body, result } => self.step(|it| {
+                it.dotimes(*var, count, body, dst);
+                it.result(result, dst, used);
+            }),
             ExprKind::Lambda(function) => self.lambda(function, dst),
             ExprKind::Call(callee, args) => self.call(callee, args, dst, used),
             ExprKind::Perform(desc, goal) => self.perform(desc, goal.as_deref(), dst, used),
-            ExprKind::Handle(clauses, body) => self.handle(clauses, body, dst, used),
+            ExprKind::Handle(clauses, body) => self.step(|it| it.handle(clauses, body, dst, used)),
             ExprKind::Retry => self.retry(),
             ExprKind::Return(value) => self.return_(value),
             ExprKind::Propagate => self.propagate(),
@@ -368,7 +368,7 @@ impl<'p> Lower<'p> {
                 let register = self.operand(failure);
                 self.emit(Op::Raise(register));
             }
-            ExprKind::Protect(body, cleanup) => self.protect(body, cleanup, dst, used),
+            ExprKind::Protect(body, cleanup) => self.step(|it| it.protect(body, cleanup, dst, used)),
             ExprKind::Counter(count) => {
                 let register = self.operand(count);
                 self.emit(Op::Counter(dst, register));

@@ -113,4 +113,6 @@ pub struct Accepted {
     pub code: Option<FnId>,
     /// The slots that a `defer` or `owe` names after `:after`.
     pub after: Vec<SlotId>,
+    /// For slots in another round of a loop: the rounds that stood between when the edit was made.
+    pub between: std::collections::BTreeMap<SlotId, Vec<crate::key::Step>>,
 }

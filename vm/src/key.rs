@@ -239,6 +239,27 @@ impl Ranks {
     }
 }
 
+impl Ranks {
+    /// The steps of the rounds that follow, when `rest` is left.
+    #[must_use]
+    pub fn to_come(&self, rest: &Value) -> Vec<Step> {
+        let _ = self.step(rest);
+        let counted = self.0.borrow();
+        let mut ahead = Counted {
+            rest: Value::NIL,
+            step: Step::Number(0),
+            round: counted.round,
+            seen: counted.seen.clone(),
+        };
+        rest.iter()
+            .map(|element| {
+                ahead.add(element);
+                ahead.step.clone()
+            })
+            .collect()
+    }
+}
+
 impl Counted {
     fn add(&mut self, value: &Value) {
         self.round += 1;

@@ -98,6 +98,9 @@ fn line(program: &Program, tree: &Tree, slot: SlotId, rec: RecId) -> String {
         line += &format!("  [{} – {} s]", seconds(record.start), seconds(record.end));
     }
     if let Some(extra) = tree.extra(rec) {
+        if let Some(slot) = extra.performed_in {
+            line += &format!("  (deferred, performed in {})", tree.slot(slot).name);
+        }
         for note in &extra.notes {
             line += &format!("  ({note})");
         }
@@ -171,6 +174,9 @@ fn node_json(program: &Program, tree: &Tree, slot: SlotId, rec: RecId, parent: O
     };
     if !record.why.word().is_empty() {
         node.insert("why".into(), json!(record.why.word()));
+    }
+    if record.flags & crate::tree::MOVED != 0 {
+        node.insert("goal".into(), json!("moved"));
     }
     node.insert("start".into(), json!(record.start as f64 / 1e9));
     node.insert("end".into(), json!(record.end as f64 / 1e9));

@@ -151,6 +151,8 @@ impl Lower<'_> {
     pub(super) fn tail_call(&mut self, f: FnId, args: &[Option<Expr>]) {
         let window = self.window(args);
         self.emit(Op::TailCall(window, Count(args.len() as u8), f));
+        // A frame that owes something calls in an ordinary way and comes back here.
+        self.emit(Op::Return(window));
     }
 
     pub(super) fn tail_call_value(&mut self, callee: &Expr, args: &[Option<Expr>]) {

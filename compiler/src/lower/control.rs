@@ -176,11 +176,7 @@ impl Lower<'_> {
         self.bind(start);
         self.jump_to(end, |to| Op::JumpUnlessLess(number, limit, to));
         let key = RoundKey::Count(number);
-        let rounds = |it: &mut Self, out| {
-            it.loop_body(body, dst, out);
-            it.emit(Op::AddInt(number, number, 1));
-        };
-        self.round(key, var, number, rounds, start, end);
+        self.round(key, var, number, |it, out| it.loop_body(body, dst, out), start, end);
     }
 
     /// One round of a loop, and the way back. The result of the form is computed at `end`, where
@@ -207,6 +203,9 @@ impl Lower<'_> {
         body(self, out);
         self.close();
         self.rounds.pop();
+        if let RoundKey::Count(number) = key {
+            self.emit(Op::AddInt(number, number, 1));
+        }
         self.jump_to(start, Op::Loop);
         self.bind(end);
         self.pending_out = Some(out);

@@ -39,7 +39,17 @@ impl Machine {
         loop {
             let Machine { program, globals, runs, limits, .. } = self;
             let Some(run) = runs.last_mut() else { return Exit::Done(Value::NIL) };
-            let raise = match hot::run(program, globals, run, limits.depth, left) {
+            let owes = !run.obligations.is_empty() || !run.handling.is_empty();
+            let out = match owes {
+                false => hot::run::<false>(program, globals, run, limits.depth, left),
+                true => hot::run::<true>(program, globals, run, limits.depth, left),
+            };
+            let raise = match out {
+                hot::Out::Due => match self.perform_due(host) {
+                    Ok(None) => continue,
+                    Ok(Some(exit)) => return exit,
+                    Err(raise) => raise,
+                },
                 hot::Out::Slow(op) => match self.slow(host, op, left) {
                     Ok(None) => continue,
                     Ok(Some(exit)) => return exit,
@@ -119,6 +129,11 @@ impl Machine {
                 let callee = self.reg(w).clone();
                 let args = self.registers(w.wrapping_add(1), n.0).to_vec();
                 self.call_value(host, d, s, &callee, args)
+            }
+            Op::TailCall(w, n, f) => {
+                let args = self.registers(w, n.0).to_vec();
+                self.enter(w, f, args, &[]);
+                Ok(None)
             }
             Op::TailCallValue(w, n, s) => self.tail_call_value(host, w, n, s),
             Op::CallNative(d, w, n, f) => {
@@ -308,7 +323,9 @@ impl Machine {
         let args = self.registers(w.wrapping_add(1), n.0).to_vec();
         // The frame goes; what is called returns to the caller of it. The outermost has none.
         let run = self.top();
-        let Some(frame) = run.frames.last().copied() else { return self.call_value(host, w, s, &callee, args) };
+        let owes = run.obligations.iter().any(|it| it.depth == run.frames.len());
+        let frame = run.frames.last().copied().filter(|_| !owes);
+        let Some(frame) = frame else { return self.call_value(host, w, s, &callee, args) };
         let place = run.pc;
         run.frames.pop();
         let base = std::mem::replace(&mut run.base, frame.base);
@@ -427,7 +444,7 @@ impl Machine {
             self.top().here = Here(rec.0);
             return Ok(None);
         }
-        self.drive(host, d, Call::of_plan(site, slot, parent, callee, args))
+        self.drive(host, d, Call::of_plan(slot, parent, callee, args))
     }
 
     /// The slot of a call at `site` from the running frame, made if it is new.

@@ -18,15 +18,16 @@ use crate::failure::{Builtin, Failure};
 use crate::host::Host;
 use crate::native::{Raise, type_error};
 use crate::path::Path;
-use crate::tree::{COUNTED, DRIVEN, NodeKind, RecId, SlotId, Status, Tree, Why};
+use crate::tree::{COUNTED, DRIVEN, MOVED, NodeKind, RecId, SlotId, Status, Tree, Why};
 use crate::value::{Imm, Obj, Symbol, Value};
 
 use super::call::Slow;
+use super::obligation::Discharge;
 use super::{Exit, Frame, Machine, RESUME, Run};
 
 /// A call that takes several steps.
+#[derive(Clone)]
 pub(super) struct Call {
-    pub site: SiteId,
     pub slot: SlotId,
     /// The record that it is called from.
     pub parent: RecId,
@@ -74,15 +75,17 @@ pub(super) enum Driver {
     Wrap(usize),
     /// The body of a record.
     Body(Layer),
+    /// Something that was owed.
+    Discharge(Box<Discharge>),
 }
 
 /// One layer of the body of a record.
 pub(super) struct Layer {
     /// `0` for the plan itself, else the code of the `n`-th `replace`.
     number: usize,
-    rec: RecId,
+    pub(super) rec: RecId,
     /// True for the outermost layer: it checks the goal and ends the record.
-    outermost: bool,
+    pub(super) outermost: bool,
     phase: Phase,
 }
 
@@ -97,9 +100,8 @@ enum Phase {
 }
 
 impl Call {
-    pub(super) fn of_plan(site: SiteId, slot: SlotId, parent: RecId, plan: FnId, args: Vec<Value>) -> Call {
+    pub(super) fn of_plan(slot: SlotId, parent: RecId, plan: FnId, args: Vec<Value>) -> Call {
         Call {
-            site,
             slot,
             parent,
             body: Body::Plan(plan),
@@ -110,6 +112,11 @@ impl Call {
             value: Value::NIL,
             stage: Stage::GoalBefore,
         }
+    }
+
+    /// The same call from its start, as record `rec`.
+    pub(super) fn again(&self, rec: RecId) -> Call {
+        Call { rec, stage: Stage::GoalBefore, value: Value::NIL, ..self.clone() }
     }
 }
 
@@ -130,7 +137,7 @@ impl Machine {
         let slot = self.slot_of_call(site, name);
         let run = self.top();
         let parent = run.record(run.here);
-        let call = Call { body: Body::Action, goal, ..Call::of_plan(site, slot, parent, FnId(0), vec![desc]) };
+        let call = Call { body: Body::Action, goal, ..Call::of_plan(slot, parent, FnId(0), vec![desc]) };
         self.drive(host, d, call)
     }
 
@@ -164,7 +171,7 @@ impl Machine {
         self.runs.push(run);
         let name = self.program.functions[function.at()].name;
         let slot = self.slot_of_call(SiteId(0), name);
-        match self.drive(host, 0, Call::of_plan(SiteId(0), slot, RecId(1), function, args)) {
+        match self.drive(host, 0, Call::of_plan(slot, RecId(1), function, args)) {
             Ok(exit) => Ok(exit),
             Err(raise) => Ok(self.unwind(host, raise)),
         }
@@ -196,20 +203,42 @@ impl Machine {
             self.skip(host, rec, Why::Edit, value.clone());
             return self.return_value(value);
         }
+        let put_off = self.find_edits(&call, |what| matches!(what, What::Defer(_) | What::Owe { .. }));
+        let call = match put_off.is_empty() {
+            true => Box::new(call),
+            false => match self.put_off(host, call) {
+                Ok(()) => return self.return_value(Value::NIL),
+                Err(call) => call,
+            },
+        };
+        self.begin(host, call)
+    }
+
+    /// Performs a call that has a record, in a driver's frame of its own.
+    pub(super) fn perform_again(&mut self, host: &mut dyn Host, call: Call) -> Slow {
+        let above = self.driver_base();
+        let run = self.top();
+        run.frames.push(Frame { pc: RESUME, base: run.base, here: run.here, dst: 0 });
+        run.base = above;
+        self.begin(host, Box::new(call))
+    }
+
+    /// The first step of a call: is its goal true already?
+    fn begin(&mut self, host: &mut dyn Host, mut call: Box<Call>) -> Slow {
         match call.goal.clone() {
             Some(goal) => {
-                self.top().drivers.push(Driver::Call(Box::new(call)));
+                self.top().drivers.push(Driver::Call(call));
                 self.ask_goal(host, &goal)
             }
             None => {
                 call.stage = Stage::Before(0);
-                self.next_step(host, Box::new(call))
+                self.next_step(host, call)
             }
         }
     }
 
     /// The base of a driver's frame: above the frame that it is called from.
-    fn driver_base(&mut self) -> u32 {
+    pub(super) fn driver_base(&mut self) -> u32 {
         let run = &self.runs[self.runs.len() - 1];
         let used = match run.pc {
             RESUME => 1,
@@ -332,6 +361,7 @@ impl Machine {
             Some(Driver::Call(call)) => self.call_resumed(host, call, value),
             Some(Driver::Wrap(_)) => self.return_value(value),
             Some(Driver::Body(layer)) => self.body_resumed(host, layer, value),
+            Some(Driver::Discharge(discharge)) => self.discharge_resumed(host, discharge, value),
             None => Ok(Some(Exit::Done(value))),
         }
     }
@@ -359,6 +389,8 @@ impl Machine {
     fn body_resumed(&mut self, host: &mut dyn Host, mut layer: Layer, value: Value) -> Slow {
         let goal = self.calling().and_then(|call| call.goal.clone()).filter(|_| layer.outermost);
         let rec = layer.rec;
+        // The check has moved to what was put off.
+        let goal = goal.filter(|_| self.top().tree.record(rec).flags & MOVED == 0);
         match (layer.phase, goal) {
             (Phase::Ground, _) => {
                 layer.phase = Phase::Run;
@@ -560,6 +592,7 @@ impl Machine {
             Some(Driver::Body(Layer { rec, outermost: true, .. })) => {
                 self.end_record(host, rec, Status::Failed, failure.clone());
             }
+            Some(Driver::Discharge(discharge)) => return self.discharge_failed(host, discharge, failure),
             Some(Driver::Body(_) | Driver::Wrap(_)) | None => {}
         }
         Err(failure)

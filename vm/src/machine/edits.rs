@@ -41,7 +41,8 @@ impl Machine {
             return Err("the root is not called, so nothing can be changed there".into());
         }
         let after = match &edit.what {
-            What::Defer(after) | What::Owe { after, .. } => find_all(tree, slot, after)?,
+            What::Defer(after) => find_all(tree, slot, after, false)?,
+            What::Owe { after, .. } => find_all(tree, slot, after, true)?,
             _ => Vec::new(),
         };
         self.check_value(tree, slot, edit)?;
@@ -56,7 +57,9 @@ impl Machine {
             None => None,
         };
         let callee = tree.slot(slot).name;
-        Ok((slot, Accepted { edit: Rc::new(edit.clone()), callee, code, after }))
+        let between = after.iter().filter_map(|q| Some((*q, super::obligation::between(&self.program, tree, slot, *q)?)));
+        let between = between.collect();
+        Ok((slot, Accepted { edit: Rc::new(edit.clone()), callee, code, after, between }))
     }
 
     /// A call whose value is used can be left out only with another value in its place.
@@ -98,13 +101,17 @@ impl Machine {
 }
 
 /// The slots of some paths; they must lie outside of the place that waits for them.
-fn find_all(tree: &Tree, slot: SlotId, paths: &[Path]) -> Result<Vec<SlotId>, String> {
+fn find_all(tree: &Tree, slot: SlotId, paths: &[Path], own: bool) -> Result<Vec<SlotId>, String> {
     if paths.is_empty() {
         return Err("`:after` names no task".into());
     }
     let mut slots = Vec::new();
     for path in paths {
         let other = path.find(tree)?;
+        if own && other == slot {
+            // What is owed after all calls of a group is owed after each of them as well.
+            continue;
+        }
         if is_within(tree, other, slot) || is_within(tree, slot, other) {
             return Err(format!("{} cannot wait for {}: one is part of the other", Path::of(tree, slot).show(), path.show()));
         }

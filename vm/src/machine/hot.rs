@@ -17,6 +17,7 @@ use crate::op::Op;
 use crate::tree::{COUNTED, DRIVEN, NodeKind, RecId, Status};
 use crate::value::{Imm, Obj, Value};
 
+use super::obligation::{self, RunView};
 use super::{Frame, Here, MEMO, Run};
 
 /// Why the loop was left.
@@ -31,15 +32,18 @@ pub(super) enum Out {
     Grow,
     /// Calls are nested deeper than the limit.
     TooDeep,
+    /// Something that this frame owes is due before the next instruction.
+    Due,
     /// The fuel is used up; the instruction has not been done.
     Fuel,
 }
 
-/// Runs until something has to be done that the loop does not do.
-pub(super) fn run(program: &Program, globals: &mut [Value], run: &mut Run, depth: usize, left: &mut u64) -> Out {
+/// Runs until something has to be done that the loop does not do. `OWES`: obligations are open,
+/// so each instruction is looked at before it is done.
+pub(super) fn run<const OWES: bool>(program: &Program, globals: &mut [Value], run: &mut Run, depth: usize, left: &mut u64) -> Out {
     let mut fuel = *left;
     let (mut pc, mut base, mut here) = (run.pc as usize, run.base as usize, run.here);
-    let Run { stack, frames, tree, occurrences, .. } = run;
+    let Run { stack, frames, tree, occurrences, obligations, handling, .. } = run;
     let code: &[Op] = &program.code;
     let out = 'window: loop {
         let Some(w) = stack.get_mut(base..).and_then(|above| above.first_chunk_mut::<256>()) else {
@@ -89,6 +93,12 @@ pub(super) fn run(program: &Program, globals: &mut [Value], run: &mut Run, depth
         macro_rules! jump { ($t:expr) => { pc = $t.0 as usize }; }
         loop {
             let op = code[pc];
+            if OWES {
+                let view = RunView { obligations, handling, tree, stack: &w[..], base: 0 };
+                if obligation::due(program, &view, frames.len(), pc as u32, op) {
+                    break 'window Out::Due;
+                }
+            }
             pc += 1;
             match op {
                 Op::Const(d, k) => set!(d, program.constants[k.at()].clone()),
@@ -183,11 +193,16 @@ pub(super) fn run(program: &Program, globals: &mut [Value], run: &mut Run, depth
                     if here.0 & MEMO != 0 || run.traced || tree.record(RecId(here.0)).flags & COUNTED != 0 {
                         break 'window Out::Slow(op);
                     }
+                    // Before the slot is looked up: the cursor must not move twice for one call.
+                    if fuel == 0 {
+                        pc -= 1;
+                        break 'window Out::Fuel;
+                    }
                     let slot = tree.child(RecId(here.0), Key { site: s, chain }, site.name, site.hash);
                     let Some(callee) = site.callee.filter(|_| tree.edits_of(slot).is_empty()) else {
                         break 'window Out::Slow(op);
                     };
-                    burn!();
+                    fuel -= 1;
                     push!(d);
                     let args = &w[window as usize..].split_at(site.args as usize).0;
                     here = Here(tree.enter(RecId(here.0), slot, NodeKind::Plan, args, run.now).0);
@@ -207,6 +222,10 @@ pub(super) fn run(program: &Program, globals: &mut [Value], run: &mut Run, depth
                     continue 'window;
                 }
                 Op::TailCall(window, n, f) => {
+                    if OWES && obligations.iter().any(|it| it.depth == frames.len()) {
+                        // The frame must stay until what it owes is done.
+                        break 'window Out::Slow(op);
+                    }
                     burn!();
                     for i in 0..n.0 {
                         w.swap(i as usize, window.wrapping_add(i) as usize);
@@ -214,6 +233,9 @@ pub(super) fn run(program: &Program, globals: &mut [Value], run: &mut Run, depth
                     pc = program.functions[f.at()].entry.at();
                 }
                 Op::TailCallValue(window, n, _) => {
+                    if OWES && obligations.iter().any(|it| it.depth == frames.len()) {
+                        break 'window Out::Slow(op);
+                    }
                     let Some((entry, closure)) = plain_callee(program, &at!(window), n.0) else {
                         break 'window Out::Slow(op);
                     };

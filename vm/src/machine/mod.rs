@@ -16,6 +16,7 @@ mod call;
 mod drive;
 mod edits;
 mod hot;
+mod obligation;
 mod unwind;
 
 use std::rc::Rc;
@@ -102,6 +103,12 @@ struct Run {
     draws: FxHashMap<RecId, u64>,
     /// The edit that each piece of inserted code belongs to.
     edit_of: FxHashMap<FnId, u32>,
+    /// What is owed, in the order of its making.
+    obligations: Vec<obligation::Obligation>,
+    /// Handlers of obligations that are running.
+    handling: Vec<obligation::Handling>,
+    /// The form that the failure on its way has left; its own handlers do not see it again.
+    leaving: Option<u32>,
     /// All plan calls take the long way, which tells the host of them.
     traced: bool,
     /// The register of the run below that takes the tree.
@@ -129,6 +136,9 @@ impl Run {
             occurrences: FxHashMap::default(),
             draws: FxHashMap::default(),
             edit_of,
+            obligations: Vec::new(),
+            handling: Vec::new(),
+            leaving: None,
             traced,
             deliver: 0,
         }
@@ -225,6 +235,8 @@ impl Machine {
         let run = self.bottom();
         run.frames.clear();
         run.drivers.clear();
+        run.obligations.clear();
+        run.handling.clear();
         (run.pc, run.base, run.here) = (entry, 0, Here(1));
         for (register, arg) in run.stack.iter_mut().zip(args) {
             *register = arg;

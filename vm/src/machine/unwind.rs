@@ -30,8 +30,8 @@ impl Machine {
                     Err(passed) => failure = passed,
                 }
             } else {
-                match self.find_handler(failure) {
-                    Ok(()) => return None,
+                match self.find_handler(host, failure) {
+                    Ok(exit) => return exit,
                     Err(passed) => failure = passed,
                 }
             }
@@ -67,30 +67,45 @@ impl Machine {
 
     /// Looks for a handler or clean-up around the program counter of the running frame. Gives the
     /// failure back if there is none, with what it picked up on the way.
-    fn find_handler(&mut self, mut failure: Value) -> Result<(), Value> {
-        let run = &self.runs[self.runs.len() - 1];
-        let at = Pc(run.pc.saturating_sub(1));
+    fn find_handler(&mut self, host: &mut dyn Host, mut failure: Value) -> Result<Option<Exit>, Value> {
+        let run = self.top();
+        let leaving = run.leaving.take();
+        let (depth, at) = (run.frames.len(), Pc(run.pc.saturating_sub(1)));
+        let owes = run.obligations.iter().any(|it| it.depth == depth);
+        let handling = run.handling.last().and_then(|it| it.of_frame(depth));
         let Some(function) = self.program.function_at(at) else { return Err(failure) };
-        if !self.program.functions[function.at()].guards {
+        if !self.program.functions[function.at()].guards && !owes {
             return Err(failure);
         }
-        let form = self.program.form_at(function, at);
-        let forms: Vec<FormKind> = self.program.forms_outward(form).map(|(_, form)| form.kind).collect();
-        for kind in forms {
+        let form = leaving.unwrap_or_else(|| self.program.form_at(function, at));
+        let outward = self.program.forms_outward(form).map(|(id, form)| (id, form.kind));
+        let forms: Vec<(u32, FormKind)> = outward.skip(usize::from(leaving.is_some())).collect();
+        for (form, kind) in forms {
+            if owes && let Some(owed) = self.due_before_failure(form) {
+                return match self.discharge(host, owed, Some(failure)) {
+                    Ok(exit) => Ok(exit),
+                    Err(raise) => Ok(self.unwind(host, raise)),
+                };
+            }
             match kind {
                 FormKind::Guarded { handler, failure: register } => {
                     *self.top().register(register) = failure;
                     self.top().pc = handler.0;
-                    return Ok(());
+                    return Ok(None);
                 }
                 FormKind::Protected { cleanup, pending } => {
                     *self.top().register(pending) = failure;
                     self.top().pc = cleanup.0;
-                    return Ok(());
+                    return Ok(None);
                 }
                 FormKind::Clauses { failure: register } => {
                     let handled = self.reg(register).clone();
                     failure = caused_by(failure, &handled);
+                    if handling == Some(form) {
+                        // The rest of the frame stands for a place that has been left.
+                        self.top().handling.pop();
+                        return Err(failure);
+                    }
                 }
                 FormKind::CleanUp { pending } => {
                     let waiting = self.reg(pending).clone();
