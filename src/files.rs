@@ -1,5 +1,6 @@
 //! The files of a program: where their texts come from, and what places in them are called.
 
+use std::io::Read as _;
 use std::path::{Path, PathBuf};
 
 use compiler::{Loader, Source};
@@ -42,6 +43,11 @@ impl Files {
         self.files.get(id.0 as usize)
     }
 
+    /// All files that have been read, in that order.
+    pub fn iter(&self) -> impl Iterator<Item = &File> {
+        self.files.iter()
+    }
+
     /// Reads a file of the user's.
     ///
     /// # Errors
@@ -82,19 +88,41 @@ impl Files {
 /// A sentence for the user.
 pub fn read_text(path: &Path) -> Result<String, String> {
     let name = path.display();
-    let about = std::fs::metadata(path).map_err(|error| format!("cannot read {name}: {error}"))?;
+    let cannot = |error: std::io::Error| format!("cannot read {name}: {}", why(&error));
+    let about = std::fs::metadata(path).map_err(cannot)?;
     if about.is_dir() {
         return Err(format!("cannot read {name}: it is a folder"));
     }
     if about.len() > LARGEST {
         return Err(format!("cannot read {name}: it has {} bytes, more than {LARGEST}", about.len()));
     }
-    let bytes = std::fs::read(path).map_err(|error| format!("cannot read {name}: {error}"))?;
+    let file = std::fs::File::open(path).map_err(cannot)?;
+    let mut bytes = Vec::new();
+    // A device or a pipe may have more than its size says.
+    file.take(LARGEST + 1).read_to_end(&mut bytes).map_err(cannot)?;
+    if bytes.len() as u64 > LARGEST {
+        return Err(format!("cannot read {name}: it has more than {LARGEST} bytes"));
+    }
     String::from_utf8(bytes).map_err(|error| {
         let at = error.utf8_error().valid_up_to();
         let line = error.as_bytes()[..at].iter().filter(|byte| **byte == b'\n').count() + 1;
         format!("cannot read {name}: it is no UTF-8 text; the first wrong byte is number {at}, in line {line}")
     })
+}
+
+/// Why input or output did not work, in the same words on every system where there are such.
+#[must_use]
+pub fn why(error: &std::io::Error) -> String {
+    use std::io::ErrorKind as E;
+    match error.kind() {
+        E::NotFound => "there is no such file".into(),
+        E::PermissionDenied => "there is no permission".into(),
+        E::IsADirectory => "it is a folder".into(),
+        E::NotADirectory => "a part of its path is no folder".into(),
+        E::StorageFull => "the disk is full".into(),
+        E::ReadOnlyFilesystem => "the disk is read-only".into(),
+        _ => error.to_string(),
+    }
 }
 
 impl Loader for Files {

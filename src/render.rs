@@ -4,6 +4,7 @@ use std::fmt::Write as _;
 
 use compiler::Report;
 use miette::{Diagnostic, GraphicalReportHandler, GraphicalTheme, NamedSource};
+use vm::failure::Failure;
 use vm::value::{Symbol, Value};
 
 use crate::files::Files;
@@ -18,7 +19,7 @@ pub struct Style {
 /// A diagnostic with the source that it points at.
 #[derive(Debug)]
 struct WithSource<'a> {
-    inner: &'a (dyn Diagnostic + 'static),
+    inner: &'a dyn Diagnostic,
     source: NamedSource<String>,
 }
 
@@ -67,36 +68,98 @@ fn draw(diagnostic: &dyn Diagnostic, style: Style) -> String {
     }
 }
 
-/// A failure that nothing handled: what, where in the tree, where in the source, why.
+/// A failure that nothing handled, in plain lines: what, where in the tree, where in the source, why.
 #[must_use]
 pub fn failure(files: &Files, failure: &Value) -> String {
     let mut out = String::new();
-    one_failure(files, failure, "", 0, &mut out);
+    for (lead, depth, it) in with_reasons(failure) {
+        let indent = "  ".repeat(depth);
+        let _ = writeln!(out, "{indent}{lead}{}", headline(it).replace('\n', "\\n"));
+        for (key, value) in other_fields(it) {
+            let _ = writeln!(out, "{indent}  {key}: {}", vm::print::brief(value));
+        }
+        if let Some(task) = &it.task {
+            let _ = writeln!(out, "{indent}  in {}", vm::show::safe(task));
+        }
+        if let Some(place) = it.place {
+            let _ = writeln!(out, "{indent}  at {}", files.show(place));
+        }
+    }
     out
 }
 
-fn one_failure(files: &Files, failure: &Value, lead: &str, depth: usize, out: &mut String) {
+/// A failure that nothing handled, with the lines of the source that it comes from.
+#[must_use]
+pub fn failure_in_source(files: &Files, failure: &Value, style: Style) -> String {
+    let mut out = String::new();
+    for (lead, _, it) in with_reasons(failure) {
+        let source = it.place.and_then(|place| files.get(grammar::FileId(place.file)));
+        let shown = ShownFailure { lead, failure: it, in_source: source.is_some() };
+        out += &match source {
+            Some(file) => draw(&WithSource { inner: &shown, source: NamedSource::new(&file.name, file.text.clone()) }, style),
+            None => draw(&shown, style),
+        };
+    }
+    out
+}
+
+/// A failure, then its causes and what failed beside them, each with how it belongs to the first.
+fn with_reasons(failure: &Value) -> Vec<(&'static str, usize, &Failure)> {
     const DEPTH: usize = 10;
-    let Some(it) = failure.as_failure() else { return };
-    let indent = "  ".repeat(depth);
-    let message = it.get(Symbol::from("message")).map(vm::print::display);
-    let _ = writeln!(out, "{indent}{lead}{}{}", it.name, message.map_or(String::new(), |text| format!(": {}", vm::show::safe(&text))));
-    for (key, value) in it.fields.iter().filter(|(key, _)| *key != "message") {
-        let _ = writeln!(out, "{indent}  {key}: {}", vm::print::brief(value));
+    const MOST: usize = 50;
+    let mut all = Vec::new();
+    let mut todo = vec![("", 0, failure)];
+    while let Some((lead, depth, value)) = todo.pop() {
+        let Some(it) = value.as_failure().filter(|_| all.len() < MOST) else { continue };
+        all.push((lead, depth, it));
+        if depth < DEPTH {
+            todo.extend(it.also.iter().rev().map(|also| ("and also ", depth + 1, also)));
+            todo.extend(it.cause.iter().map(|cause| ("caused by ", depth + 1, cause)));
+        }
     }
-    if let Some(task) = &it.task {
-        let _ = writeln!(out, "{indent}  in {}", vm::show::safe(task));
+    all
+}
+
+/// Type and message.
+fn headline(failure: &Failure) -> String {
+    let message = failure.get(Symbol::from("message")).map(vm::print::display);
+    let message: Option<Vec<String>> = message.map(|text| text.lines().map(vm::show::safe).collect());
+    format!("{}{}", failure.name, message.map_or(String::new(), |lines| format!(": {}", lines.join("\n"))))
+}
+
+fn other_fields(failure: &Failure) -> impl Iterator<Item = &(Symbol, Value)> {
+    failure.fields.iter().filter(|(key, _)| *key != "message")
+}
+
+/// A failure as a diagnostic: its path and fields stand under the headline.
+struct ShownFailure<'a> {
+    lead: &'static str,
+    failure: &'a Failure,
+    in_source: bool,
+}
+
+impl std::fmt::Debug for ShownFailure<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{self}")
     }
-    if let Some(place) = it.place {
-        let _ = writeln!(out, "{indent}  at {}", files.show(place));
+}
+impl std::fmt::Display for ShownFailure<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{}{}", self.lead, headline(self.failure))?;
+        if let Some(task) = &self.failure.task {
+            write!(f, "\nin {}", vm::show::safe(task))?;
+        }
+        for (key, value) in other_fields(self.failure) {
+            write!(f, "\n{key}: {}", vm::print::brief(value))?;
+        }
+        Ok(())
     }
-    if depth == DEPTH {
-        return;
-    }
-    if let Some(cause) = &it.cause {
-        one_failure(files, cause, "caused by ", depth + 1, out);
-    }
-    for also in &it.also {
-        one_failure(files, also, "and also ", depth + 1, out);
+}
+impl std::error::Error for ShownFailure<'_> {}
+impl Diagnostic for ShownFailure<'_> {
+    fn labels(&self) -> Option<Box<dyn Iterator<Item = miette::LabeledSpan> + '_>> {
+        let place = self.failure.place.filter(|_| self.in_source)?;
+        let span = grammar::Span { file: grammar::FileId(place.file), start: place.start, end: place.end };
+        Some(Box::new(std::iter::once(miette::LabeledSpan::new_with_span(Some("failed here".into()), span))))
     }
 }

@@ -10,8 +10,8 @@ use serde_json::{Value as Json, json};
 use vm::code::{FnId, Program};
 use vm::host::{CodeRequest, Host, Request};
 use vm::limits::{Grants, Limits};
-use vm::log::Log;
-use vm::machine::{Machine, Outcome, Progress};
+use vm::log::{Entry, Log};
+use vm::machine::{Machine, Outcome, Progress, QUANTUM};
 use vm::value::{Symbol, Value};
 
 use crate::files::Files;
@@ -38,6 +38,12 @@ pub trait Output {
     fn print(&mut self, text: &str);
     /// A start or an end, as it happens.
     fn trace(&mut self, _line: &str) {}
+    /// What came from outside and is now part of the run's log.
+    fn logged(&mut self, _entry: &Entry) {}
+    /// Asked between two rounds; false stops the run there.
+    fn goes_on(&mut self) -> bool {
+        true
+    }
 }
 
 impl Output for String {
@@ -55,7 +61,7 @@ pub enum Ended {
     NotLoaded(Value),
     /// The plan, or the file without one, has run.
     Ran(Outcome),
-    /// The step that was to be reached has been reached.
+    /// It was stopped between two instructions: at [`Session::stop_at`], or by its output.
     Stopped,
 }
 
@@ -80,8 +86,15 @@ pub struct Session {
     pub machine: Machine,
     /// The module of the user's file, or of the REPL.
     pub module: ModuleId,
+    /// Stop when the run has used so many units of fuel.
+    pub stop_at: Option<u64>,
+    /// Ask nothing of the outside: a run that comes to the end of its log is stopped.
+    pub sealed: bool,
+    /// A sealed run came to the end of its log: what happened after that step means nothing.
+    pub log_ended: bool,
     style: Style,
-    trace: bool,
+    /// How many entries of the log the output knows of.
+    logged: usize,
 }
 
 /// The root's part of a run: prints, reads files, compiles the code of edits.
@@ -91,16 +104,26 @@ struct Door<'a> {
     grants: &'a Grants,
     output: &'a mut dyn Output,
     style: Style,
+    sealed: bool,
+    log_ended: &'a mut bool,
 }
 
 impl Host for Door<'_> {
     fn print(&mut self, text: &str) {
-        self.output.print(text);
+        if !*self.log_ended {
+            self.output.print(text);
+        }
     }
     fn trace(&mut self, line: &str) {
-        self.output.trace(line);
+        if !*self.log_ended {
+            self.output.trace(line);
+        }
     }
     fn answer(&mut self, request: &Request) -> Result<Json, String> {
+        if self.sealed {
+            *self.log_ended = true;
+            return Err("the log ends here".into());
+        }
         match request {
             Request::ReadFile(path) => {
                 granted("read", path, &self.grants.read)?;
@@ -108,7 +131,7 @@ impl Host for Door<'_> {
             }
             Request::WriteFile { path, text } => {
                 granted("write", path, &self.grants.write)?;
-                std::fs::write(path, text).map_err(|error| format!("cannot write {path}: {error}"))?;
+                std::fs::write(path, text).map_err(|error| format!("cannot write {path}: {}", crate::files::why(&error)))?;
                 Ok(Json::Null)
             }
             Request::Clock => {
@@ -157,7 +180,7 @@ impl Session {
             library.push(module);
         }
         let module = front.new_module("user");
-        let mut session = Session { files, front, machine, module, style: options.style, trace: false };
+        let mut session = Session { files, front, machine, module, stop_at: None, sealed: false, log_ended: false, style: options.style, logged: 0 };
         for loaded in library {
             let errors: Vec<String> = loaded.reports.iter().map(|it| session.report(it)).collect();
             assert!(errors.is_empty(), "the library has errors:\n{}", errors.join("\n"));
@@ -172,7 +195,6 @@ impl Session {
 
     /// Tell the output of every start and end.
     pub fn trace(&mut self) {
-        self.trace = true;
         self.machine.trace();
     }
 
@@ -211,25 +233,47 @@ impl Session {
         front.extend(&mut machine.program, files, *module, file, text)
     }
 
-    /// Calls a function of the program and waits for it.
+    /// Calls a function of the program and waits for it; nil if it was stopped.
     pub fn call(&mut self, function: FnId, args: Vec<Value>, output: &mut dyn Output) -> Outcome {
-        self.machine.start(function, args);
-        match self.go(output, None) {
+        match self.call_until(function, args, output) {
             Progress::Ended(outcome) => outcome,
             Progress::Stopped => Ok(Value::NIL),
         }
     }
 
+    /// Calls a function of the program until it ends, is stopped by its output, or comes to
+    /// [`Session::stop_at`].
+    pub fn call_until(&mut self, function: FnId, args: Vec<Value>, output: &mut dyn Output) -> Progress {
+        self.machine.start(function, args);
+        loop {
+            let round = self.machine.steps() + QUANTUM;
+            let stop = self.stop_at.map_or(round, |stop| stop.min(round));
+            let progress = self.go(output, Some(stop));
+            for entry in self.machine.log.entries.iter().skip(self.logged) {
+                output.logged(entry);
+                self.logged += 1;
+            }
+            let there = self.stop_at.is_some_and(|stop| self.machine.steps() >= stop);
+            if self.log_ended {
+                return Progress::Stopped;
+            }
+            if matches!(progress, Progress::Ended(_)) || there || !output.goes_on() {
+                return progress;
+            }
+        }
+    }
+
     /// Goes on with what the machine does, until it ends or until `stop` units of fuel are used.
     pub fn go(&mut self, output: &mut dyn Output, stop: Option<u64>) -> Progress {
-        let Session { files, front, machine, style, .. } = self;
+        let Session { files, front, machine, style, sealed, log_ended, .. } = self;
         let grants = machine.grants.clone();
-        let mut door = Door { front, files, grants: &grants, output, style: *style };
+        let mut door = Door { front, files, grants: &grants, output, style: *style, sealed: *sealed, log_ended };
         machine.go(&mut door, stop)
     }
 
     /// Uses what came from outside in an earlier run instead of asking again.
     pub fn replay(&mut self, log: Log) {
+        self.logged = log.entries.len();
         self.machine.log = log.rewound();
     }
 
@@ -247,35 +291,44 @@ impl Session {
 
     /// Runs what a text gave: its top-level forms, then the plan. The tree is the machine's.
     pub fn run(&mut self, loaded: Loaded, plan: Option<&str>, output: &mut dyn Output) -> Ended {
+        let call = plan.map(|name| format!("({name})"));
+        self.run_call(loaded, call.as_deref(), output)
+    }
+
+    /// Runs what a text gave: its top-level forms, then the form `call`; without one the plan
+    /// `main`, where there is one.
+    pub fn run_call(&mut self, loaded: Loaded, call: Option<&str>, output: &mut dyn Output) -> Ended {
         if !loaded.reports.iter().all(Report::is_warning) {
             return Ended::Errors(loaded.reports);
         }
         let mut last = Value::NIL;
         for init in loaded.init {
-            match self.call(init, Vec::new(), output) {
-                Ok(value) => last = value,
-                Err(failure) => {
+            match self.call_until(init, Vec::new(), output) {
+                Progress::Ended(Ok(value)) => last = value,
+                Progress::Ended(Err(failure)) => {
                     self.machine.finish(&Err(failure.clone()));
                     return Ended::NotLoaded(failure);
                 }
+                Progress::Stopped => return Ended::Stopped,
             }
         }
-        let call = match plan {
-            Some(name) => format!("({name})"),
-            None if self.plan("main").is_some() => "(main)".into(),
-            None => {
-                self.machine.finish(&Ok(last.clone()));
-                return Ended::Ran(Ok(last));
-            }
+        let main = self.plan("main").map(|_| "(main)");
+        let Some(call) = call.or(main) else {
+            self.machine.finish(&Ok(last.clone()));
+            return Ended::Ran(Ok(last));
         };
-        let loaded = self.extend("the call of the plan", &call);
-        if !loaded.reports.is_empty() {
+        let loaded = self.extend("the call of the plan", call);
+        if !loaded.reports.iter().all(Report::is_warning) {
             return Ended::Errors(loaded.reports);
         }
         let Some(init) = loaded.init.last() else { return Ended::Ran(Ok(last)) };
-        let outcome = self.call(*init, Vec::new(), output);
-        self.machine.finish(&outcome);
-        Ended::Ran(outcome)
+        match self.call_until(*init, Vec::new(), output) {
+            Progress::Ended(outcome) => {
+                self.machine.finish(&outcome);
+                Ended::Ran(outcome)
+            }
+            Progress::Stopped => Ended::Stopped,
+        }
     }
 
     /// Runs a text as a program of its own: for tests and for embedding.

@@ -1,0 +1,198 @@
+//! The log of a run in a file: a head that says what was run and how, then a line of JSON for
+//! each thing that came from outside, written when it came.
+//!
+//! A line is written in one piece and ends with a line end, so a killed run leaves whole lines
+//! and at most a torn last one, which is left out. The head holds hashes of all texts of the
+//! program: a log fits to the program that it was written by and to no other.
+
+use std::fs::File;
+use std::io::{BufRead as _, BufReader, Read as _, Seek as _, SeekFrom, Write as _};
+use std::path::{Path, PathBuf};
+
+use pleach::files::{Files, why};
+use serde_json::{Value as Json, json};
+use vm::log::{Entry, Log};
+
+use super::Trouble;
+use super::run::Job;
+use super::settings::Settings;
+
+/// The version of the format.
+const VERSION: u64 = 1;
+/// A head is not longer than this, in bytes.
+const LONGEST_HEAD: u64 = 1 << 20;
+/// The names of library files begin so.
+const LIBRARY: &str = "library/";
+
+/// A log that is being written.
+pub struct Journal {
+    file: File,
+    /// Its name, for messages.
+    pub path: PathBuf,
+}
+
+/// A log that has been read.
+pub struct Recorded {
+    /// What was run, and how.
+    pub job: Job,
+    /// The folder that it was run in.
+    folder: PathBuf,
+    hashes: Vec<(String, String)>,
+    /// What came from outside.
+    pub log: Log,
+    /// Where the last whole line ends, in bytes.
+    whole: u64,
+    path: PathBuf,
+}
+
+impl Journal {
+    /// Starts a log. A file that is something else is not overwritten.
+    pub fn create(path: &Path, job: &Job, files: &Files) -> Result<Journal, Trouble> {
+        if path.exists() && std::fs::metadata(path).is_ok_and(|it| it.is_file() && it.len() > 0) && read_head(path).is_err() {
+            let what = format!("{} is not the log of a run, and is not overwritten", path.display());
+            return Err(Trouble::new(what, "choose another name after --log"));
+        }
+        let cannot = |error| Trouble::from(format!("cannot write the log {}: {}", path.display(), why(&error)));
+        let file = File::create(path).map_err(cannot)?;
+        let mut journal = Journal { file, path: path.into() };
+        journal.line(&head(job, files)).map_err(cannot)?;
+        Ok(journal)
+    }
+
+    /// Goes on with a log where its last whole line ends.
+    pub fn reopen(recorded: &Recorded) -> Result<Journal, Trouble> {
+        let path = &recorded.path;
+        let open = || {
+            let mut file = File::options().write(true).open(path)?;
+            file.set_len(recorded.whole)?;
+            file.seek(SeekFrom::End(0))?;
+            Ok(file)
+        };
+        let file = open().map_err(|error| format!("cannot write the log {}: {}", path.display(), why(&error)))?;
+        Ok(Journal { file, path: path.clone() })
+    }
+
+    /// Writes what came from outside.
+    pub fn add(&mut self, entry: &Entry) -> std::io::Result<()> {
+        self.line(&entry.to_json())
+    }
+
+    fn line(&mut self, json: &Json) -> std::io::Result<()> {
+        self.file.write_all(format!("{json}\n").as_bytes())
+    }
+}
+
+impl Recorded {
+    /// Reads a log.
+    pub fn read(path: &Path) -> Result<Recorded, Trouble> {
+        let cannot = |error| Trouble::from(format!("cannot read the log {}: {}", path.display(), why(&error)));
+        let full = path.canonicalize().map_err(cannot)?;
+        let head = read_head(&full)?;
+        let text = std::fs::read(&full).map_err(cannot)?;
+        let mut whole = 0;
+        let mut log = Log::default();
+        for (number, line) in text.split_inclusive(|byte| *byte == b'\n').enumerate() {
+            if line.last() != Some(&b'\n') {
+                break;
+            }
+            whole += line.len() as u64;
+            if number == 0 {
+                continue;
+            }
+            let entry = serde_json::from_slice(line).ok().and_then(|json: Json| Entry::from_json(&json));
+            let damaged = || format!("the log {} is damaged: line {} is no entry of a log", path.display(), number + 1);
+            log.entries.push(entry.ok_or_else(|| Trouble::new(damaged(), "delete this line and all below it to go on from there"))?);
+        }
+        let hashes = head["files"].as_array().into_iter().flatten();
+        let hashes = hashes.filter_map(|it| Some((it["name"].as_str()?.to_string(), it["hash"].as_str()?.to_string())));
+        let unfit = || format!("the head of the log {} lacks what is needed to run again", path.display());
+        let job = job_of(&head).ok_or_else(unfit)?;
+        let folder = head["folder"].as_str().unwrap_or(".").into();
+        Ok(Recorded { job, folder, hashes: hashes.collect(), log, whole, path: full })
+    }
+
+    /// Goes to the folder that the program was run in: its paths count from there.
+    pub fn enter_folder(&self) -> Result<(), Trouble> {
+        std::env::set_current_dir(&self.folder).map_err(|error| {
+            let what = format!("cannot go to {}, where the logged run was started: {}", self.folder.display(), why(&error));
+            Trouble::new(what, "put the program back there, or change \"folder\" in the first line of the log")
+        })
+    }
+
+    /// Compares the program with the one that wrote the log.
+    pub fn check_program(&self, files: &Files) -> Result<(), Trouble> {
+        let now = hashes(files);
+        let mut changed: Vec<String> = Vec::new();
+        for (name, hash) in &self.hashes {
+            match now.iter().find(|(other, _)| other == name) {
+                Some((_, other)) if other == hash => {}
+                Some(_) if name == LIBRARY => changed.push("the library is that of another version of pleach".into()),
+                Some(_) => changed.push(format!("{name} has changed")),
+                None => changed.push(format!("{name} is not used any more")),
+            }
+        }
+        let added = now.iter().filter(|(name, _)| !self.hashes.iter().any(|(other, _)| other == name));
+        changed.extend(added.map(|(name, _)| format!("{name} is new")));
+        if changed.is_empty() {
+            return Ok(());
+        }
+        let what = format!("the program is not the one that wrote the log {}: {}", self.path.display(), changed.join(", "));
+        Err(Trouble::new(what, "put the old text back, or start again with `pleach run`"))
+    }
+}
+
+/// What was run, for the first line.
+fn head(job: &Job, files: &Files) -> Json {
+    let hashes = hashes(files);
+    let all: String = hashes.iter().map(|(_, hash)| hash.as_str()).collect();
+    let listed: Vec<Json> = hashes.iter().map(|(name, hash)| json!({"name": name, "hash": hash})).collect();
+    let mut head = json!({
+        "pleach-log": VERSION,
+        "pleach": env!("CARGO_PKG_VERSION"),
+        "program": hash(&all),
+        "file": job.file,
+        "plan": job.plan,
+        "args": job.args,
+        "quantum": vm::machine::QUANTUM,
+        "folder": std::env::current_dir().unwrap_or_default(),
+        "files": listed,
+    });
+    if let (Json::Object(head), Json::Object(settings)) = (&mut head, job.settings.to_json()) {
+        head.extend(settings);
+    }
+    head
+}
+
+fn job_of(head: &Json) -> Option<Job> {
+    let args = head["args"].as_array()?.iter().map(|arg| arg.as_str().map(str::to_string));
+    let plan = head["plan"].as_str().map(str::to_string);
+    let file = head["file"].as_str()?.into();
+    Some(Job { file, plan, args: args.collect::<Option<_>>()?, settings: Settings::from_json(head)? })
+}
+
+fn read_head(path: &Path) -> Result<Json, Trouble> {
+    let no_log = || Trouble::new(format!("{} is not the log of a run", path.display()), "logs are written by `pleach run FILE --log LOG`");
+    let file = File::open(path).map_err(|error| format!("cannot read the log {}: {}", path.display(), why(&error)))?;
+    let mut line = Vec::new();
+    BufReader::new(file).take(LONGEST_HEAD).read_until(b'\n', &mut line).map_err(|_| no_log())?;
+    let head: Json = serde_json::from_slice(&line).map_err(|_| no_log())?;
+    match head["pleach-log"].as_u64() {
+        Some(VERSION) if line.last() == Some(&b'\n') => Ok(head),
+        Some(other) if other != VERSION => {
+            let what = format!("{} is a log of version {other}; this pleach reads version {VERSION}", path.display());
+            Err(Trouble::new(what, "use the pleach that wrote it"))
+        }
+        _ => Err(no_log()),
+    }
+}
+
+/// Names and hashes of the files of a program; those of the library together.
+fn hashes(files: &Files) -> Vec<(String, String)> {
+    let library: String = files.iter().filter(|file| file.name.starts_with(LIBRARY)).map(|file| file.text.as_str()).collect();
+    let own = files.iter().filter(|file| !file.name.starts_with(LIBRARY)).map(|file| (file.name.clone(), hash(&file.text)));
+    std::iter::once((LIBRARY.to_string(), hash(&library))).chain(own).collect()
+}
+
+fn hash(text: &str) -> String {
+    format!("{:016x}", vm::random::hash_text(text))
+}

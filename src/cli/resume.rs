@@ -1,0 +1,72 @@
+//! `pleach resume` and `pleach replay`: a run is its log.
+//!
+//! Program, seed and log give the same tree. So going on means running again from the start with
+//! the answers of the log, and looking at a moment means stopping there.
+
+use std::path::PathBuf;
+
+use clap::Args;
+
+use super::journal::Recorded;
+use super::run::{Show, Start, perform};
+use super::{Answer, term};
+
+pub const RESUME_HELP: &str = "\
+Example:
+  pleach run long.plan --log long.log --stop-at 5000      (or a run that was killed)
+  pleach resume long.log
+
+The program runs again from its start, with the answers that the log has; then it goes on and adds
+to the log. What it prints, it prints again. Seed, limits and grants are those of the log. Output,
+--json and exit codes are those of `pleach run`.";
+
+pub const REPLAY_HELP: &str = "\
+Examples:
+  pleach replay long.log                 the same output and the same tree again
+  pleach replay long.log --to 3000       the tree at that step, and where the program stands
+
+Nothing outside is read or changed: all answers come from the log, and the replay ends where the
+log ends. Output, --json and exit codes are those of `pleach run`.";
+
+/// `pleach resume`
+#[derive(Args)]
+pub struct Resume {
+    /// The log of the run
+    log: PathBuf,
+    /// Stop when so many calls and backward jumps have been done
+    #[arg(long, value_name = "STEP", value_parser = super::settings::count)]
+    stop_at: Option<u64>,
+    #[command(flatten)]
+    show: Show,
+}
+
+/// `pleach replay`
+#[derive(Args)]
+pub struct Replay {
+    /// The log of the run
+    log: PathBuf,
+    /// As far as this step: so many calls and backward jumps
+    #[arg(long, value_name = "STEP", value_parser = super::settings::count)]
+    to: Option<u64>,
+    #[command(flatten)]
+    show: Show,
+}
+
+/// Goes on with a run.
+pub fn resume(it: &Resume) -> Answer {
+    let recorded = Recorded::read(&it.log)?;
+    recorded.enter_folder()?;
+    if !recorded.job.settings.allow.is_empty() {
+        term::complain(&format!("allowed, as the log says: {}\n", recorded.job.settings.allow.join(" ")));
+    }
+    let start = Start { recorded: Some(&recorded), stop_at: it.stop_at, ..Start::default() };
+    perform(&recorded.job, &it.show, &start)
+}
+
+/// Looks at a run again.
+pub fn replay(it: &Replay) -> Answer {
+    let recorded = Recorded::read(&it.log)?;
+    recorded.enter_folder()?;
+    let start = Start { recorded: Some(&recorded), stop_at: it.to, sealed: true, ..Start::default() };
+    perform(&recorded.job, &it.show, &start)
+}

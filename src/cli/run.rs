@@ -1,0 +1,410 @@
+//! `pleach run`, and what `resume` and `replay` share with it: load, run, report.
+
+use std::io::{BufWriter, IsTerminal as _, Write};
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use compiler::{Loaded, Report};
+use pleach::session::Output;
+use pleach::{Ended, Session, render};
+use serde_json::{Value as Json, json};
+use vm::log::Entry;
+use vm::value::Value;
+
+use super::journal::{Journal, Recorded};
+use super::settings::Settings;
+use super::{Answer, ERRORS, FAILED, INTERRUPTED, Trouble, files, interrupt, json, term};
+
+pub const HELP: &str = "\
+Examples:
+  pleach run hello.plan
+  pleach run kitchen.plan --plan set-table --arg \"'(cup plate)\" --arg 2
+  pleach run kitchen.plan --quiet --seed 7 --fuel 1_000_000 --memory 512M
+  pleach run report.plan --allow read=data --allow write=out
+  pleach run long.plan --log long.log --stop-at 5000 && pleach resume long.log
+
+The program's own output goes to stdout; the tree of its tasks, failures and --trace go to stderr.
+With --json stdout is one object, and the program's output goes to stderr:
+  outcome   succeeded, failed, not-loaded, errors, stopped or interrupted
+  value     as `write` prints it; where it succeeded
+  failure   {type, fields, task, place, cause, also}; where it failed
+  errors    [{severity, code, message, help, file, line, column, labels}]; where there are some
+  plan seed steps clock    what was run, how much fuel it used, seconds of the task clock
+  tree      [{name, path, parent, kind, status, attempt, params, value, failure, start, end}],
+            parents before children; `parent` is a position in this list
+Exit codes: 0 it succeeded · 1 it failed · 2 errors, or a failure while the file was loaded ·
+130 stopped by Ctrl-C.";
+
+/// How many nodes of a tree are shown.
+const MOST_NODES: usize = 500;
+/// After how many rounds output that waits is written.
+const PATIENCE: u32 = 500;
+/// Of how many calls a stopped run says where they stand.
+const MOST_CALLS: usize = 10;
+
+/// `pleach run`
+#[derive(Args)]
+pub struct Run {
+    /// The plan file
+    file: PathBuf,
+    /// The plan to run; without it `main`, where there is one
+    #[arg(long, value_name = "NAME")]
+    plan: Option<String>,
+    /// An argument of the plan, as a form; once for each
+    #[arg(long = "arg", value_name = "FORM", allow_hyphen_values = true)]
+    args: Vec<String>,
+    #[command(flatten)]
+    show: Show,
+    /// Write what comes from outside into a file, so that the run can be resumed and replayed
+    #[arg(long, value_name = "FILE")]
+    log: Option<PathBuf>,
+    /// Stop when so many calls and backward jumps have been done
+    #[arg(long, value_name = "STEP", value_parser = super::settings::count)]
+    stop_at: Option<u64>,
+    #[command(flatten)]
+    settings: Settings,
+}
+
+/// What is shown of a run.
+#[derive(Debug, Clone, Args)]
+pub struct Show {
+    /// Do not show the tree
+    #[arg(long, short)]
+    quiet: bool,
+    /// Result and tree as JSON on stdout
+    #[arg(long)]
+    json: bool,
+    /// Show each start and end of a task as it happens
+    #[arg(long)]
+    trace: bool,
+    /// Show the whole tree, however large
+    #[arg(long)]
+    all: bool,
+}
+
+/// What is run, and how: all that a log must know to run it again.
+#[derive(Debug, Clone)]
+pub struct Job {
+    /// The program.
+    pub file: PathBuf,
+    /// The plan.
+    pub plan: Option<String>,
+    /// Its arguments, as forms.
+    pub args: Vec<String>,
+    /// Seed, limits, grants.
+    pub settings: Settings,
+}
+
+/// What a run starts from, besides its program.
+#[derive(Default)]
+pub struct Start<'a> {
+    /// A log of an earlier run, to be used again.
+    pub recorded: Option<&'a Recorded>,
+    /// Where a new log goes.
+    pub log: Option<&'a Path>,
+    /// When to stop.
+    pub stop_at: Option<u64>,
+    /// Only look: nothing outside is asked again, and the log is not written.
+    pub sealed: bool,
+}
+
+/// Runs a plan file.
+pub fn run(it: Run) -> Answer {
+    let job = Job { file: it.file, plan: it.plan, args: it.args, settings: it.settings };
+    let start = Start { log: it.log.as_deref(), stop_at: it.stop_at, ..Start::default() };
+    perform(&job, &it.show, &start)
+}
+
+/// Loads a program, runs it, and reports.
+pub fn perform(job: &Job, show: &Show, start: &Start<'_>) -> Answer {
+    let mut session = Session::new(job.settings.options(term::error_style())?);
+    let loaded = session.load_file(&job.file).map_err(|why| files::unreadable(&job.file, why))?;
+    if let Some(recorded) = start.recorded {
+        recorded.check_program(&session.files)?;
+    }
+    if !loaded.reports.iter().all(Report::is_warning) {
+        return Ok(errors(&session, &loaded.reports, show));
+    }
+    loaded.reports.iter().for_each(|warning| term::complain(&session.report(warning)));
+    let call = call(&session, job)?;
+    let journal = match (start.log, start.recorded) {
+        (Some(path), _) => Some(Journal::create(path, job, &session.files)?),
+        (None, Some(recorded)) if !start.sealed => Some(Journal::reopen(recorded)?),
+        _ => None,
+    };
+    let mut console = Console::new(show, journal);
+    let mut ended = run_call(&mut session, loaded, call.as_deref(), start, &mut console);
+    if session.log_ended {
+        ended = again(&mut session, job, call.as_deref(), start)?;
+    }
+    let code = report(&session, &ended, show, &mut console, job);
+    // Freeing a large tree takes longer than leaving that to the system.
+    std::mem::forget(session);
+    code
+}
+
+fn run_call(session: &mut Session, loaded: Loaded, call: Option<&str>, start: &Start<'_>, console: &mut Console) -> Ended {
+    session.stop_at = start.stop_at;
+    session.sealed = start.sealed;
+    if let Some(recorded) = start.recorded {
+        session.replay(recorded.log.clone());
+    }
+    if console.trace {
+        session.trace();
+    }
+    interrupt::listen();
+    session.run_call(loaded, call, console)
+}
+
+/// A replay came to the end of its log, and a little further: once more in silence, to just
+/// before the first question that the log does not answer.
+fn again(session: &mut Session, job: &Job, call: Option<&str>, start: &Start<'_>) -> Result<Ended, Trouble> {
+    let log = start.recorded.map(|recorded| recorded.log.clone()).unwrap_or_default();
+    let unanswered = session.machine.log.entries.get(log.entries.len()).map_or(0, |entry| entry.step);
+    *session = Session::new(job.settings.options(term::error_style())?);
+    let loaded = session.load_file(&job.file)?;
+    session.stop_at = Some(unanswered.saturating_sub(1));
+    session.replay(log);
+    let ended = session.run_call(loaded, call, &mut Silence);
+    session.log_ended = true;
+    Ok(ended)
+}
+
+/// The form that calls the plan; nothing for `main` or for a file without a plan.
+fn call(session: &Session, job: &Job) -> Result<Option<String>, Trouble> {
+    for arg in &job.args {
+        let parsed = grammar::parse(grammar::FileId(0), arg);
+        if parsed.errors.first().is_some() || parsed.forms.len() != 1 {
+            let why = parsed.errors.first().map_or(format!("it has {} forms, not one", parsed.forms.len()), ToString::to_string);
+            let what = format!("--arg {} is no form: {why}", vm::show::safe(arg));
+            return Err(Trouble::new(what, "each --arg is one form, as it stands in a program: --arg \"'milk\" --arg 3 --arg '\"text\"'"));
+        }
+    }
+    let name = match &job.plan {
+        Some(name) => name,
+        None if job.args.is_empty() => return Ok(None),
+        None => "main",
+    };
+    if session.plan(name).is_none() {
+        return Err(no_plan(session, name));
+    }
+    // A line end keeps a comment in an argument from hiding what follows.
+    let args: String = job.args.iter().map(|arg| format!(" {arg}{}", if arg.contains(';') { "\n" } else { "" })).collect();
+    Ok(Some(format!("({name}{args})")))
+}
+
+fn no_plan(session: &Session, name: &str) -> Trouble {
+    use compiler::module::Meaning;
+    let module = session.front.modules.get(session.module);
+    let plans = module.names.iter().filter(|(_, it)| matches!(it.meaning, Meaning::Plan(..))).map(|(name, _)| name.as_str());
+    let plans: Vec<&str> = plans.take(20).collect();
+    let help = match (compiler::module::nearest(name, plans.iter().copied()), plans.as_slice()) {
+        (Some(near), _) => format!("did you mean `{near}`?"),
+        (None, []) => "the file defines no plan; define one: (def-plan main () …)".into(),
+        (None, plans) => format!("its plans are: {}", plans.join(" ")),
+    };
+    Trouble::new(format!("the program has no plan called `{}`", vm::show::safe(name)), help)
+}
+
+// ---------------------------------------------------------------------------------------------
+// While it runs
+
+/// Why a run was stopped from outside.
+enum Halt {
+    Interrupted,
+    /// Nobody reads the output.
+    NoReader,
+    /// Output or log cannot be written.
+    Broken(String),
+}
+
+/// Where the output of a run goes.
+pub struct Console {
+    out: BufWriter<Box<dyn Write>>,
+    /// Each line at once: somebody is watching.
+    watched: bool,
+    trace: bool,
+    journal: Option<Journal>,
+    halt: Option<Halt>,
+    rounds: u32,
+}
+
+impl Console {
+    fn new(show: &Show, journal: Option<Journal>) -> Console {
+        let (out, watched): (Box<dyn Write>, bool) = match show.json {
+            true => (Box::new(std::io::stderr()), std::io::stderr().is_terminal()),
+            false => (Box::new(std::io::stdout()), std::io::stdout().is_terminal()),
+        };
+        Console { out: BufWriter::with_capacity(1 << 16, out), watched, trace: show.trace, journal, halt: None, rounds: 0 }
+    }
+
+    fn wrote(&mut self, result: std::io::Result<()>) {
+        if let Err(error) = result {
+            self.halt.get_or_insert(match error.kind() {
+                std::io::ErrorKind::BrokenPipe => Halt::NoReader,
+                _ => Halt::Broken(format!("cannot write the program's output: {}", pleach::files::why(&error))),
+            });
+        }
+    }
+
+    fn flush(&mut self) {
+        let result = self.out.flush();
+        self.wrote(result);
+    }
+}
+
+impl Output for Console {
+    fn print(&mut self, text: &str) {
+        let result = self.out.write_all(text.as_bytes());
+        self.wrote(result);
+        if self.watched && text.contains('\n') {
+            self.flush();
+        }
+    }
+    fn trace(&mut self, line: &str) {
+        if self.trace {
+            self.flush();
+            term::complain(&format!("{line}\n"));
+        }
+    }
+    fn logged(&mut self, entry: &Entry) {
+        if let Some(journal) = &mut self.journal
+            && let Err(error) = journal.add(entry)
+        {
+            let why = format!("cannot write the log {}: {}", journal.path.display(), pleach::files::why(&error));
+            self.halt.get_or_insert(Halt::Broken(why));
+        }
+    }
+    fn goes_on(&mut self) -> bool {
+        self.rounds += 1;
+        if self.rounds.is_multiple_of(PATIENCE) {
+            self.flush();
+        }
+        if interrupt::asked() {
+            self.halt.get_or_insert(Halt::Interrupted);
+        }
+        self.halt.is_none()
+    }
+}
+
+/// Prints nowhere.
+struct Silence;
+
+impl Output for Silence {
+    fn print(&mut self, _text: &str) {}
+}
+
+// ---------------------------------------------------------------------------------------------
+// Afterwards
+
+/// Shows errors of the program.
+fn errors(session: &Session, reports: &[Report], show: &Show) -> u8 {
+    if show.json {
+        let errors: Vec<Json> = reports.iter().map(|it| json::report(&session.files, it)).collect();
+        term::say(&format!("{}\n", json!({"outcome": "errors", "errors": errors})));
+    }
+    reports.iter().for_each(|it| term::complain(&session.report(it)));
+    ERRORS
+}
+
+/// Shows how the run ended. The exit code.
+fn report(session: &Session, ended: &Ended, show: &Show, console: &mut Console, job: &Job) -> Answer {
+    console.flush();
+    match &console.halt {
+        Some(Halt::NoReader) => return Ok(141),
+        Some(Halt::Broken(why)) => return Err(why.clone().into()),
+        Some(Halt::Interrupted) | None => {}
+    }
+    let (outcome, code) = match ended {
+        Ended::Errors(reports) => return Ok(errors(session, reports, show)),
+        Ended::Ran(Ok(_)) => ("succeeded", 0),
+        Ended::Ran(Err(_)) => ("failed", FAILED),
+        Ended::NotLoaded(_) => ("not-loaded", ERRORS),
+        Ended::Stopped if console.halt.is_some() => ("interrupted", INTERRUPTED),
+        Ended::Stopped => ("stopped", 0),
+    };
+    if show.json {
+        term::say(&format!("{}\n", result_json(session, ended, outcome, show, job)));
+        return Ok(code);
+    }
+    if !show.quiet {
+        term::complain(&tree_text(session, show.all));
+    }
+    match ended {
+        Ended::Ran(Err(failure)) => term::complain(&failure_text(session, failure)),
+        Ended::NotLoaded(failure) => {
+            term::complain("error: the file could not be loaded: one of its top-level forms failed\n");
+            term::complain(&failure_text(session, failure));
+        }
+        Ended::Stopped => term::complain(&stopped_text(session, console)),
+        _ => {}
+    }
+    Ok(code)
+}
+
+/// A failure with the lines of the source that it comes from.
+pub fn failure_text(session: &Session, failure: &Value) -> String {
+    render::failure_in_source(&session.files, failure, term::error_style())
+}
+
+/// The tree as far as it is shown.
+pub fn tree_text(session: &Session, all: bool) -> String {
+    let most = if all { usize::MAX } else { MOST_NODES };
+    let tree = session.machine.tree();
+    let mut text = vm::show::text(&session.machine.program, tree, most);
+    if tree.len() > most && text.ends_with(" nodes in all\n") {
+        text.pop();
+        text += "; --all shows them\n";
+    }
+    term::paint_tree(&text, term::error_style())
+}
+
+/// Where a stopped run stands, and how to go on.
+fn stopped_text(session: &Session, console: &Console) -> String {
+    let machine = &session.machine;
+    let why = match (&console.halt, session.log_ended) {
+        (Some(_), _) => "interrupted",
+        (None, true) => "the log ends here: stopped",
+        (None, false) => "stopped",
+    };
+    let mut text = format!("{why} at step {}, {} s of the task clock\n", machine.steps(), vm::show::seconds(machine.now()));
+    let calls = machine.backtrace(MOST_CALLS + 1);
+    for (function, pc) in calls.iter().take(MOST_CALLS) {
+        let function = &machine.program.functions[function.at()];
+        let place = machine.program.places.get(pc.at()).copied().unwrap_or_default();
+        text += &format!("  in {} {} at {}\n", function.kind.word(), function.name, session.files.show(place));
+    }
+    if calls.len() > MOST_CALLS {
+        text += "  …\n";
+    }
+    if let Some(journal) = &console.journal {
+        text += &format!("go on with: pleach resume {}\n", journal.path.display());
+    }
+    text
+}
+
+/// See [`HELP`].
+fn result_json(session: &Session, ended: &Ended, outcome: &str, show: &Show, job: &Job) -> Json {
+    let machine = &session.machine;
+    let mut json = json!({"outcome": outcome});
+    match ended {
+        Ended::Ran(Ok(value)) => {
+            let printer = vm::print::Printer::new(Some(&machine.program), true, vm::print::LIMIT);
+            json["value"] = json!(printer.text(value));
+        }
+        Ended::Ran(Err(failure)) | Ended::NotLoaded(failure) => {
+            json["failure"] = json::failure(&session.files, &machine.program, failure);
+        }
+        Ended::Errors(_) | Ended::Stopped => {}
+    }
+    let main = session.plan("main").map(|_| "main".to_string());
+    json["file"] = json!(job.file);
+    json["plan"] = json!(job.plan.clone().or(main));
+    json["seed"] = json!(job.settings.seed);
+    json["steps"] = json!(machine.steps());
+    json["clock"] = json!(machine.now() as f64 / 1e9);
+    if !show.quiet {
+        json["tree"] = vm::show::json(&machine.program, machine.tree());
+    }
+    json
+}

@@ -1,0 +1,127 @@
+//! The options that say what a run may use and do.
+
+use clap::Args;
+use pleach::Options;
+use pleach::render::Style;
+use serde_json::{Value as Json, json};
+use vm::limits::{Grants, Limits};
+
+use super::Trouble;
+
+/// Seed, limits and grants.
+#[derive(Debug, Clone, Args)]
+pub struct Settings {
+    /// Key of all random draws
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub seed: u64,
+    /// Most calls and backward jumps
+    #[arg(long, value_name = "N", value_parser = count, help_heading = "Limits")]
+    pub fuel: Option<u64>,
+    /// Most nested calls
+    #[arg(long, value_name = "N", value_parser = count, help_heading = "Limits")]
+    pub depth: Option<u64>,
+    /// Most memory for values, frames and tree: 512M, 2G
+    #[arg(long, value_name = "BYTES", value_parser = bytes, help_heading = "Limits")]
+    pub memory: Option<u64>,
+    /// Most nodes of the tree
+    #[arg(long, value_name = "N", value_parser = count, help_heading = "Limits")]
+    pub nodes: Option<u64>,
+    /// Most bytes that the program may print
+    #[arg(long, value_name = "BYTES", value_parser = bytes, help_heading = "Limits")]
+    pub output_limit: Option<u64>,
+    /// Let the program read files (`read=DIR`), write them (`write=DIR`) or read the `clock`;
+    /// without, it can only compute. May be given several times
+    #[arg(long, value_name = "GRANT")]
+    pub allow: Vec<String>,
+}
+
+impl Settings {
+    /// As options of a session.
+    pub fn options(&self, style: Style) -> Result<Options, Trouble> {
+        Ok(Options { limits: self.limits(), grants: self.grants()?, seed: self.seed, style, ..Options::default() })
+    }
+
+    fn limits(&self) -> Limits {
+        let default = Limits::default();
+        let size = |given: Option<u64>, default: usize| given.map_or(default, |it| usize::try_from(it).unwrap_or(usize::MAX));
+        Limits {
+            fuel: self.fuel.unwrap_or(default.fuel),
+            depth: size(self.depth, default.depth),
+            memory: size(self.memory, default.memory),
+            nodes: size(self.nodes, default.nodes),
+            output: size(self.output_limit, default.output),
+        }
+    }
+
+    fn grants(&self) -> Result<Grants, Trouble> {
+        let mut grants = Grants::default();
+        for text in &self.allow {
+            grants.allow(text).map_err(|why| Trouble::new(format!("--allow {text}: {why}"), "for example: --allow read=data"))?;
+            if let Some((_, path)) = text.split_once('=')
+                && !std::path::Path::new(path).exists()
+            {
+                let help = "create the folder first, or name one that is there";
+                return Err(Trouble::new(format!("--allow {text}: there is no {path}"), help));
+            }
+        }
+        Ok(grants)
+    }
+
+    /// For the head of a log: all that was given or is the default.
+    pub fn to_json(&self) -> Json {
+        let Limits { fuel, depth, memory, nodes, output } = self.limits();
+        let limits = json!({"fuel": fuel, "depth": depth, "memory": memory, "nodes": nodes, "output": output});
+        json!({"seed": self.seed, "limits": limits, "allow": self.allow})
+    }
+
+    /// From the head of a log.
+    pub fn from_json(json: &Json) -> Option<Settings> {
+        let limit = |name: &str| json["limits"][name].as_u64();
+        let allow = json["allow"].as_array()?.iter().map(|it| it.as_str().map(str::to_string));
+        Some(Settings {
+            seed: json["seed"].as_u64()?,
+            fuel: Some(limit("fuel")?),
+            depth: Some(limit("depth")?),
+            memory: Some(limit("memory")?),
+            nodes: Some(limit("nodes")?),
+            output_limit: Some(limit("output")?),
+            allow: allow.collect::<Option<_>>()?,
+        })
+    }
+}
+
+/// A number, perhaps with `_` between its digits.
+pub fn count(text: &str) -> Result<u64, String> {
+    text.replace('_', "").parse().map_err(|_| format!("`{text}` is no number from 0 to {}", u64::MAX))
+}
+
+/// A number of bytes: `1000`, `64K`, `512M`, `2G`; by powers of 1024.
+fn bytes(text: &str) -> Result<u64, String> {
+    let unit = text.trim_end_matches(['B', 'b']);
+    let unit = unit.strip_suffix(['i']).unwrap_or(unit);
+    let shift = match unit.chars().last() {
+        Some('k' | 'K') => 10,
+        Some('m' | 'M') => 20,
+        Some('g' | 'G') => 30,
+        _ => 0,
+    };
+    let digits = if shift > 0 { &unit[..unit.len() - 1] } else { text };
+    let number = count(digits).map_err(|_| format!("`{text}` is no number of bytes, as in 1000, 64K, 512M, 2G"))?;
+    number.checked_mul(1 << shift).ok_or_else(|| format!("`{text}` is too large"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bytes_have_units() {
+        assert_eq!(bytes("1_000"), Ok(1000));
+        assert_eq!(bytes("512M"), Ok(512 << 20));
+        assert_eq!(bytes("2GiB"), Ok(2 << 30));
+        assert_eq!(bytes("64kB"), Ok(64 << 10));
+        for wrong in ["", "M", "-1", "1.5G", "12 K", "99999999999G"] {
+            assert!(bytes(wrong).is_err(), "{wrong}");
+        }
+    }
+}
