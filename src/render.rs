@@ -78,7 +78,7 @@ pub fn failure(files: &Files, failure: &Value) -> String {
         for (key, value) in other_fields(it) {
             let _ = writeln!(out, "{indent}  {key}: {}", vm::print::brief(value));
         }
-        if let Some(task) = &it.task {
+        if let Some(task) = it.path() {
             let _ = writeln!(out, "{indent}  in {}", vm::show::safe(task));
         }
         if let Some(place) = it.place {
@@ -146,7 +146,7 @@ impl std::fmt::Debug for ShownFailure<'_> {
 impl std::fmt::Display for ShownFailure<'_> {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         write!(f, "{}{}", self.lead, headline(self.failure))?;
-        if let Some(task) = &self.failure.task {
+        if let Some(task) = self.failure.path() {
             write!(f, "\nin {}", vm::show::safe(task))?;
         }
         for (key, value) in other_fields(self.failure) {

@@ -38,6 +38,8 @@ struct Text {
     again: bool,
     init: Vec<Init>,
     functions: Vec<FnId>,
+    /// Functions that are defined again with other parameters, or as a plan.
+    changed: Vec<FnId>,
 }
 
 impl Compiler<'_> {
@@ -64,7 +66,7 @@ impl Compiler<'_> {
         let parsed = grammar::parse(file, text);
         self.reports.extend(parsed.errors.into_iter().map(Report::Parse));
         let mut init = Vec::new();
-        let mut work = Text { module, again, init: Vec::new(), functions: Vec::new() };
+        let mut work = Text { module, again, init: Vec::new(), functions: Vec::new(), changed: Vec::new() };
         let mut forms = Vec::new();
         for form in parsed.forms {
             match form.head().as_ref().map(|head| head.as_str()) {
@@ -89,6 +91,7 @@ impl Compiler<'_> {
         for id in std::mem::take(&mut work.functions) {
             self.compile(id);
         }
+        self.compile_callers(&std::mem::take(&mut work.changed));
         init.extend(self.inits(&mut work, file));
         self.close_opens();
         init
@@ -274,6 +277,10 @@ impl Compiler<'_> {
         }
         let (module, body, span) = (work.module, body.to_vec(), form.span);
         let proto = &mut self.program.functions[id.at()];
+        let known = proto.place != Default::default();
+        if known && (proto.kind, &proto.params) != (kind, &params.params) {
+            work.changed.push(id);
+        }
         (proto.kind, proto.params) = (kind, params.params.clone());
         self.pending.insert(id, Pending { module, name, kind, params, body, span });
         work.functions.push(id);
@@ -285,9 +292,14 @@ impl Compiler<'_> {
             [value, Form { kind: FormKind::Str(doc), .. }] => (value, Some(doc.clone())),
             _ => return self.misshapen_top(form, "takes a value and perhaps a text"),
         };
-        let global = GlobalId(self.program.globals.len() as u32);
+        // Defined again in a REPL: those who read it read the new value.
+        let known = self.modules.get(work.module).names.get(&name).map(|known| known.meaning.clone());
+        let known = known.and_then(|meaning| if let Meaning::Const(global) = meaning { Some(global) } else { None });
+        let global = known.filter(|_| work.again).unwrap_or(GlobalId(self.program.globals.len() as u32));
         if self.define(work, name, Meaning::Const(global), doc, form) {
-            self.program.globals.push(name);
+            if global.at() == self.program.globals.len() {
+                self.program.globals.push(name);
+            }
             let id = self.declare(name, FnKind::TopLevel, work.module);
             work.init.push(Init::Const(id, global, value.clone(), name));
         }

@@ -12,6 +12,7 @@ pub mod data;
 mod define;
 pub mod error;
 mod expand;
+mod live;
 mod lower;
 pub mod module;
 pub mod pages;
@@ -95,6 +96,9 @@ pub struct Front {
     /// The module that each function belongs to.
     homes: BTreeMap<FnId, ModuleId>,
     pending: BTreeMap<FnId, Pending>,
+    /// Keep the forms of functions, so that a REPL can compile them again.
+    pub keep_forms: bool,
+    sources: BTreeMap<FnId, Rc<Pending>>,
     references: BTreeMap<FnId, Vec<FnId>>,
     opens: BTreeMap<FnId, Vec<FnId>>,
     /// The constants that macros may need, in the order of their definitions.
@@ -112,6 +116,7 @@ struct Expander {
 }
 
 /// A function that is declared but not compiled.
+#[derive(Clone)]
 pub(crate) struct Pending {
     module: ModuleId,
     name: Symbol,
@@ -130,6 +135,8 @@ impl Default for Front {
             keep_ast: false,
             homes: BTreeMap::new(),
             pending: BTreeMap::new(),
+            keep_forms: false,
+            sources: BTreeMap::new(),
             references: BTreeMap::new(),
             opens: BTreeMap::new(),
             constants: Vec::new(),
@@ -185,6 +192,9 @@ impl Compiler<'_> {
         let references = std::mem::replace(&mut self.mentioned, mentioned);
         self.expanding = expanding;
         self.references.insert(id, references);
+        if self.keep_forms {
+            self.sources.insert(id, Rc::new(pending));
+        }
     }
 
     fn lower(&mut self, id: FnId, function: &ast::Function) {
@@ -251,7 +261,8 @@ impl Front {
         self.with(program, |compiler| compiler.file(loader, source))
     }
 
-    /// Compiles text for an existing module, as the REPL does. Definitions may replace earlier ones.
+    /// Compiles text for an existing module, as the REPL does. Definitions may replace earlier ones;
+    /// a text with errors defines nothing.
     pub fn extend(
         &mut self,
         program: &mut Program,
@@ -260,7 +271,12 @@ impl Front {
         file: FileId,
         text: &str,
     ) -> Loaded {
-        self.with(program, |compiler| compiler.text(loader, module, file, text, true))
+        let before = self.before(program, module);
+        let loaded = self.with(program, |compiler| compiler.text(loader, module, file, text, true));
+        if !loaded.reports.iter().all(Report::is_warning) {
+            self.take_back(program, module, before);
+        }
+        loaded
     }
 
     /// Loads a module of the library that every later module sees.

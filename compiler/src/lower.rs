@@ -410,6 +410,18 @@ impl<'p> Lower<'p> {
         register
     }
 
+    /// The same, computed in `dst` if it needs a register: `dst` must not be a variable that
+    /// what follows may look at.
+    fn operand_in(&mut self, expr: &Expr, dst: u8) -> u8 {
+        match &expr.kind {
+            ExprKind::Var(_) => self.operand(expr),
+            _ => {
+                self.expr(expr, dst, Use::Value);
+                dst
+            }
+        }
+    }
+
     /// Values in consecutive registers; the first of them.
     fn in_a_row(&mut self, items: &[Expr]) -> u8 {
         let registers: Vec<u8> = items.iter().map(|_| self.register()).collect();
@@ -460,7 +472,11 @@ impl<'p> Lower<'p> {
         // The value may look at the variable until it is complete.
         let simple = match &value.kind {
             ExprKind::Const(_) => true,
-            ExprKind::Call(Callee::Native(_), args) => args.iter().flatten().all(is_simple),
+            // What is computed in the register itself must not look at it afterwards.
+            ExprKind::Call(Callee::Native(_), args) => match args.as_slice() {
+                [Some(first), rest @ ..] => is_var(first) && rest.iter().flatten().all(is_simple),
+                _ => false,
+            },
             _ => false,
         };
         if simple {
@@ -578,7 +594,11 @@ impl<'p> Lower<'p> {
     }
 }
 
-/// True for what can be computed into the variable that it looks at.
+fn is_var(expr: &Expr) -> bool {
+    matches!(expr.kind, ExprKind::Var(_))
+}
+
+/// True for what needs no register that something else could change.
 fn is_simple(expr: &Expr) -> bool {
     matches!(expr.kind, ExprKind::Const(_) | ExprKind::Var(_) | ExprKind::Global(_))
 }

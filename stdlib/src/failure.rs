@@ -14,7 +14,7 @@ natives! {
     "failure-fields" [1] => fields;
     "failure-cause" [1] => |args: &[Value]| Ok(failure(&args[0])?.cause.clone().unwrap_or_default());
     "failure-also" [1] => |args: &[Value]| Ok(Value::list(failure(&args[0])?.also.clone()));
-    "failure-path" [1] => |args: &[Value]| Ok(failure(&args[0])?.task.as_deref().map(Value::str).unwrap_or_default());
+    "failure-path" [1] in ctx => path;
     "is-a?" [2] in ctx => is_a;
 }
 
@@ -44,4 +44,11 @@ fn is_a(ctx: &mut Ctx<'_>, args: &[Value]) -> Result<Next, Raise> {
     let of = types.find(name).ok_or_else(|| range_error(format!("no failure type is called `{name}`"), &args[1]))?;
     let is_one = args[0].as_failure().is_some_and(|failure| types.is_a(failure.kind, of));
     Ok(Value::bool(is_one).into())
+}
+
+/// The path is found in the tree of the run, unless the failure brought it from another one.
+fn path(ctx: &mut Ctx<'_>, args: &[Value]) -> Result<Next, Raise> {
+    let failure = failure(&args[0])?;
+    vm::failure::name_tasks(ctx.tree(), &args[0]);
+    Ok(failure.path().map(Value::str).unwrap_or_default().into())
 }

@@ -115,8 +115,13 @@ fn tree_value(args: &[Value]) -> Result<Value, Raise> {
 }
 
 fn tree_failure(args: &[Value]) -> Result<Value, Raise> {
-    let record = record(args)?;
-    Ok(if record.status == Status::Failed { record.value.clone() } else { Value::NIL })
+    let (tree, rec) = record_id(args)?;
+    let record = tree.record(rec);
+    if record.status != Status::Failed {
+        return Ok(Value::NIL);
+    }
+    vm::failure::name_tasks(tree, &record.value);
+    Ok(record.value.clone())
 }
 
 fn tree_why(args: &[Value]) -> Result<Value, Raise> {

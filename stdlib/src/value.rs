@@ -18,7 +18,7 @@ natives! {
     "equal" [2] => equal;
     "compare" [2] => compare;
     "comes-before?" [2] => |args: &[Value]| Ok(Value::bool(ordering(&args[0], &args[1])?.is_lt()));
-    "type-of" [1] => |args: &[Value]| Ok(Value::symbol(args[0].type_name()));
+    "type-of" [1] => |args: &[Value]| Ok(crate::symbol::named(args[0].type_name()));
     "boolean?" [1] => |args: &[Value]| Ok(Value::bool(matches!(args[0], Value::Imm(Imm::Bool(_)))));
     "get" [2 3] => get;
 }
@@ -99,7 +99,7 @@ fn failure_field(failure: &Failure, name: Symbol) -> Option<Value> {
         "type" => Some(Value::Imm(Imm::Symbol(failure.name))),
         "cause" => failure.cause.clone(),
         "also" => Some(Value::list(failure.also.clone())),
-        "path" => failure.task.as_deref().map(Value::str),
+        "path" => failure.path().map(Value::str),
         _ => None,
     })
 }

@@ -78,10 +78,31 @@ pub fn div(a: &Value, b: &Value) -> Result<Value, Raise> {
 /// # Errors
 /// `type-error` if one is no number.
 pub fn order(a: &Value, b: &Value) -> Result<Option<Ordering>, Raise> {
-    Ok(match numbers(a, b)? {
-        Pair::Ints(a, b) => Some(a.cmp(&b)),
-        Pair::Floats(a, b) => a.partial_cmp(&b),
+    Ok(match (numbers(a, b)?, a.as_int(), b.as_int()) {
+        (Pair::Ints(a, b), ..) => Some(a.cmp(&b)),
+        (Pair::Floats(_, b), Some(a), _) => int_with_float(a, b),
+        (Pair::Floats(a, _), _, Some(b)) => int_with_float(b, a).map(Ordering::reverse),
+        (Pair::Floats(a, b), ..) => a.partial_cmp(&b),
     })
+}
+
+/// The order of an integer and a float by their exact sizes: a float nearest to the integer may
+/// be another number. None for nan.
+#[must_use]
+pub fn int_with_float(int: i64, float: f64) -> Option<Ordering> {
+    // The least float that is too large for an integer; its opposite is the least integer.
+    const BEYOND: f64 = 9_223_372_036_854_775_808.0;
+    if float.is_nan() {
+        return None;
+    }
+    if float >= BEYOND {
+        return Some(Ordering::Less);
+    }
+    if float < -BEYOND {
+        return Some(Ordering::Greater);
+    }
+    let whole = float.trunc();
+    Some(int.cmp(&(whole as i64)).then_with(|| if whole == float { Ordering::Equal } else { whole.total_cmp(&float) }))
 }
 
 /// a < b

@@ -275,6 +275,12 @@ impl Program {
         })
     }
 
+    /// The form around a form, within its function.
+    #[must_use]
+    pub fn around(&self, form: u32) -> Option<u32> {
+        self.forms.get(form as usize).map(|it| it.parent).filter(|parent| *parent != form)
+    }
+
     /// The site of the call at `pc`.
     #[must_use]
     pub fn site_at(&self, function: FnId, pc: Pc) -> Option<SiteId> {

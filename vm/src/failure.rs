@@ -3,9 +3,14 @@
 //! Failure types form a hierarchy with several parents allowed; a handler for a type takes all
 //! its subtypes. The types that the machine itself raises have fixed numbers.
 
+use std::cell::OnceCell;
+use std::rc::Rc;
+
 use rustc_hash::FxHashMap;
 
 use crate::code::Place;
+use crate::path::Path;
+use crate::tree::{SlotId, Tree};
 use crate::value::{Symbol, Value};
 
 /// A type of failures, as an index into [`FailureTypes`].
@@ -23,12 +28,47 @@ pub struct Failure {
     pub fields: Vec<(Symbol, Value)>,
     /// The form that raised it.
     pub place: Option<Place>,
-    /// Path of the task that raised it, as text; empty until it is raised.
-    pub task: Option<Box<str>>,
+    /// The task that raised it. Copies share it, which tells one event from another: see
+    /// [`Failure::is_same_event`].
+    pub task: Option<Rc<Task>>,
     /// The failure that was being handled when this one was raised.
     pub cause: Option<Value>,
     /// Failures of the same round, then of clean-ups and obligations, as they ended.
     pub also: Vec<Value>,
+}
+
+/// The task that raised a failure: its place in the tree of the run, and its path as text once
+/// somebody has asked for it, for that takes a walk over the siblings.
+#[derive(Debug)]
+pub struct Task {
+    slot: SlotId,
+    path: OnceCell<Box<str>>,
+}
+
+impl Task {
+    /// The task at a slot of the tree that is being grown.
+    #[must_use]
+    pub fn at(slot: SlotId) -> Task {
+        Task { slot, path: OnceCell::new() }
+    }
+    /// A task whose path is known.
+    #[must_use]
+    pub fn of_path(path: &str) -> Task {
+        Task { slot: SlotId(0), path: OnceCell::from(Box::from(path)) }
+    }
+}
+
+/// Gives the tasks of a failure, its causes and those beside it their paths. Whoever takes a
+/// failure out of a tree does this while the tree is at hand.
+pub fn name_tasks(tree: &Tree, failure: &Value) {
+    let mut todo = vec![failure];
+    while let Some(value) = todo.pop() {
+        let Some(failure) = value.as_failure() else { continue };
+        if let Some(task) = &failure.task {
+            task.path.get_or_init(|| Path::of(tree, task.slot).show().into());
+        }
+        todo.extend(failure.cause.iter().chain(&failure.also));
+    }
 }
 
 impl Failure {
@@ -54,6 +94,16 @@ impl Failure {
     #[must_use]
     pub fn get(&self, field: Symbol) -> Option<&Value> {
         self.fields.iter().find(|(name, _)| *name == field).map(|(_, value)| value)
+    }
+    /// The path of the task that raised it, if it has been named.
+    #[must_use]
+    pub fn path(&self) -> Option<&str> {
+        self.task.as_ref()?.path.get().map(|path| &**path)
+    }
+    /// True if both are copies of one failure that was raised once, perhaps raised again since.
+    #[must_use]
+    pub fn is_same_event(&self, other: &Failure) -> bool {
+        matches!((&self.task, &other.task), (Some(a), Some(b)) if Rc::ptr_eq(a, b))
     }
     pub(crate) fn take_values(&mut self) -> Vec<Value> {
         let fields = std::mem::take(&mut self.fields).into_iter().map(|(_, value)| value);

@@ -87,16 +87,34 @@ pub struct Chain(pub u32);
 /// A round of `dotimes` directly in the plan is by far the most frequent chain: it is its number
 /// with this bit set and is not looked up.
 const DIRECT: u32 = 1 << 31;
+/// The same for a call that is reached again.
+const AGAIN: u32 = 1 << 30;
 
 impl Chain {
     /// No steps.
     pub const EMPTY: Chain = Chain(0);
 
+    /// The chain of a call that was reached so many times before.
+    #[inline]
+    #[must_use]
+    pub fn again(times: u32) -> Option<Chain> {
+        (times < AGAIN).then_some(Chain(times | AGAIN))
+    }
+
+    /// The step of a chain that is not looked up.
+    fn direct(self) -> Option<Step> {
+        match self.0 & (DIRECT | AGAIN) {
+            0 => None,
+            AGAIN => Some(Step::Again(self.0 & !AGAIN)),
+            _ => Some(Step::Round(Element::Int(i64::from(self.0 & !DIRECT)), 0)),
+        }
+    }
+
     /// The chain of one round of `dotimes`.
     #[inline(always)]
     #[must_use]
     pub fn round(number: i64) -> Option<Chain> {
-        (0..i64::from(DIRECT)).contains(&number).then_some(Chain(number as u32 | DIRECT))
+        (0..i64::from(AGAIN)).contains(&number).then_some(Chain(number as u32 | DIRECT))
     }
 }
 
@@ -133,10 +151,12 @@ impl Default for Keys {
 impl Keys {
     /// The chain with one more step. `site_hash` says what a call site is in words.
     pub fn then(&mut self, chain: Chain, step: Step, site_hash: impl Fn(SiteId) -> u64) -> Chain {
-        if chain == Chain::EMPTY
-            && let Step::Round(Element::Int(number), 0) = step
-            && let Some(direct) = Chain::round(number)
-        {
+        let direct = match step {
+            Step::Round(Element::Int(number), 0) => Chain::round(number),
+            Step::Again(times) => Chain::again(times),
+            _ => None,
+        };
+        if let Some(direct) = direct.filter(|_| chain == Chain::EMPTY) {
             return direct;
         }
         let next = Chain(self.links.len() as u32);
@@ -162,8 +182,8 @@ impl Keys {
     pub fn steps(&self, mut chain: Chain) -> Vec<Step> {
         let mut steps = Vec::new();
         while chain != Chain::EMPTY {
-            if chain.0 & DIRECT != 0 {
-                steps.push(Step::Round(Element::Int(i64::from(chain.0 & !DIRECT)), 0));
+            if let Some(step) = chain.direct() {
+                steps.push(step);
                 break;
             }
             let link = &self.links[chain.0 as usize];
@@ -178,8 +198,8 @@ impl Keys {
     #[inline]
     #[must_use]
     pub fn hash(&self, chain: Chain) -> u64 {
-        if chain.0 & DIRECT != 0 {
-            return mix(step_hash(&Step::Round(Element::Int(i64::from(chain.0 & !DIRECT)), 0), |_| 0));
+        if let Some(step) = chain.direct() {
+            return mix(step_hash(&step, |_| 0));
         }
         self.links[chain.0 as usize].hash
     }

@@ -114,6 +114,8 @@ ops! {
     NumEq(d: u8, a: u8, b: u8);
     /// d = true if a is nil or false.
     Not(d: u8, a: u8);
+    /// d = true if a is nil.
+    IsNil(d: u8, a: u8);
     /// d = true if a and b are one object.
     Identical(d: u8, a: u8, b: u8);
     /// d = the cell of a and b.

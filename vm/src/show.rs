@@ -169,7 +169,10 @@ fn node_json(program: &Program, tree: &Tree, slot: SlotId, rec: RecId, parent: O
         params(program, tree, rec).iter().map(|(name, value)| (name.to_string(), write(value))).collect();
     node.insert("params".into(), Json::Object(params));
     match record.status {
-        Status::Failed => node.insert("failure".into(), failure_json(program, &record.value, 0)),
+        Status::Failed => {
+            crate::failure::name_tasks(tree, &record.value);
+            node.insert("failure".into(), failure_json(program, &record.value, 0))
+        }
         _ => node.insert("value".into(), write(&record.value)),
     };
     if !record.why.word().is_empty() {
@@ -205,8 +208,8 @@ pub fn failure_json(program: &Program, failure: &Value, depth: usize) -> Json {
     let write = |value: &Value| Json::String(brief(program, value, 10_000));
     let fields: JsonMap<String, Json> = it.fields.iter().map(|(key, value)| (key.to_string(), write(value))).collect();
     let mut json = json!({"type": it.name.as_str(), "fields": fields});
-    if let Some(task) = &it.task {
-        json["task"] = json!(task);
+    if let Some(path) = it.path() {
+        json["task"] = json!(path);
     }
     if let Some(cause) = &it.cause {
         json["cause"] = failure_json(program, cause, depth + 1);

@@ -298,15 +298,25 @@ impl Default for Tree {
             run: 0,
             fresh_from: 0,
         };
-        let name = Symbol::from("top-level");
-        tree.slots.push(Slot { name, ..Slot::default() });
-        tree.slots.push(Slot { name, hash: crate::random::hash_text(&name), ..Slot::default() });
+        tree.forget();
         tree.begin();
         tree
     }
 }
 
 impl Tree {
+    /// Forgets all places and edits, and keeps the memory.
+    pub fn forget(&mut self) {
+        self.slots.clear();
+        self.keys = Keys::default();
+        self.index.clear();
+        self.edits.clear();
+        self.edits_at.clear();
+        let name = Symbol::from("top-level");
+        self.slots.push(Slot { name, ..Slot::default() });
+        self.slots.push(Slot { name, hash: crate::random::hash_text(&name), ..Slot::default() });
+    }
+
     /// Starts a run: slots and edits stay, records of the last run go. Returns the root's record.
     pub fn begin(&mut self) -> RecId {
         self.records.clear();
@@ -374,7 +384,22 @@ impl Tree {
             self.index[index as usize - 1].insert(key, slot);
         }
         let hash = mix(above_hash ^ site_hash ^ self.keys.hash(key.chain));
-        self.slots.push(Slot { hash, key, name, parent: above, ..Slot::default() });
+        // Every field by name: the default of a name is looked up in the table of names.
+        let none = SlotId(0);
+        self.slots.push(Slot {
+            hash,
+            key,
+            name,
+            parent: above,
+            first: none,
+            last: none,
+            next: none,
+            run: 0,
+            since: RecId(0),
+            rec: RecId(0),
+            edits: 0,
+            index: 0,
+        });
         slot
     }
 

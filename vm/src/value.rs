@@ -424,8 +424,8 @@ fn compare_imm(a: &Imm, b: &Imm) -> Ordering {
         (Imm::Bool(a), Imm::Bool(b)) => a.cmp(b),
         (Imm::Int(a), Imm::Int(b)) => a.cmp(b),
         (Imm::Float(a), Imm::Float(b)) => a.total_cmp(b),
-        (Imm::Int(a), Imm::Float(b)) => (*a as f64).total_cmp(b).then(Ordering::Less),
-        (Imm::Float(a), Imm::Int(b)) => a.total_cmp(&(*b as f64)).then(Ordering::Greater),
+        (Imm::Int(a), Imm::Float(b)) => int_before_float(*a, *b),
+        (Imm::Float(a), Imm::Int(b)) => int_before_float(*b, *a).reverse(),
         (Imm::Symbol(a), Imm::Symbol(b)) | (Imm::Keyword(a), Imm::Keyword(b)) | (Imm::Var(a), Imm::Var(b)) => {
             if a == b { Ordering::Equal } else { a.as_str().cmp(b.as_str()) }
         }
@@ -433,6 +433,12 @@ fn compare_imm(a: &Imm, b: &Imm) -> Ordering {
         (Imm::Native(a), Imm::Native(b)) => a.cmp(b),
         _ => a.rank().cmp(&b.rank()),
     }
+}
+
+/// By exact size; an integer before the float of its size, but after -0.0. nan is at its end.
+fn int_before_float(int: i64, float: f64) -> Ordering {
+    let by_size = crate::arith::int_with_float(int, float).unwrap_or_else(|| 0.0_f64.total_cmp(&float));
+    by_size.then_with(|| (int as f64).total_cmp(&float)).then(Ordering::Less)
 }
 
 impl Imm {

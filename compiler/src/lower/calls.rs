@@ -23,8 +23,17 @@ const BINARY: &[(&str, fn(u8, u8, u8) -> Op, bool)] = &[
 ];
 
 /// Natives of one argument that are an instruction.
-const UNARY: &[(&str, fn(u8, u8) -> Op)] =
-    &[("not", Op::Not), ("first", Op::First), ("car", Op::First), ("rest", Op::Rest), ("cdr", Op::Rest)];
+const UNARY: &[(&str, fn(u8, u8) -> Op)] = &[
+    ("not", Op::Not),
+    ("null?", Op::IsNil),
+    ("first", Op::First),
+    ("car", Op::First),
+    ("rest", Op::Rest),
+    ("cdr", Op::Rest),
+];
+
+/// Natives among these whose value is true or false.
+const BOOLEAN: &[&str] = &["not", "null?", "<", "<=", ">", ">=", "=", "identical?"];
 
 impl Lower<'_> {
     /// Notes a call, made by the next instruction.
@@ -107,17 +116,20 @@ impl Lower<'_> {
         match args {
             [Some(a)] => {
                 let Some((_, op)) = UNARY.iter().find(|(known, _)| *known == name) else { return false };
-                let a = self.operand(a);
+                let a = self.operand_in(a, dst);
                 self.emit(op(dst, a));
             }
             [Some(a), Some(b)] => {
                 let Some((_, op, swap)) = BINARY.iter().find(|(known, ..)| *known == name) else { return false };
-                if let Some(i) = small_int(b, name) {
-                    let a = self.operand(a);
-                    self.emit(Op::AddInt(dst, a, i));
+                let sum = small_int(b, name).map(|i| (a, i));
+                let sum = sum.or_else(|| small_int(a, name).filter(|_| name == "+").map(|i| (b, i)));
+                if let Some((other, i)) = sum {
+                    let other = self.operand_in(other, dst);
+                    self.emit(Op::AddInt(dst, other, i));
                     return true;
                 }
-                let (a, b) = (self.operand(a), self.operand(b));
+                let a = self.operand_in(a, dst);
+                let b = self.operand(b);
                 self.emit(if *swap { op(dst, b, a) } else { op(dst, a, b) });
             }
             _ => {
@@ -130,6 +142,12 @@ impl Lower<'_> {
             }
         }
         true
+    }
+
+    /// True for an expression whose value is true or false, computed by an instruction.
+    pub(super) fn is_boolean(&self, expr: &Expr) -> bool {
+        let ExprKind::Call(callee, _) = &expr.kind else { return false };
+        self.native_name(callee).is_some_and(|name| BOOLEAN.contains(&name))
     }
 
     pub(super) fn perform(&mut self, desc: &Expr, goal: Option<&Function>, dst: u8, used: Use) {

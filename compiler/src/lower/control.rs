@@ -38,15 +38,29 @@ impl Lower<'_> {
 
     pub(super) fn tail_and_or(&mut self, parts: &[Expr], or: bool) {
         let Some((last, first)) = parts.split_last() else { return };
-        let end = self.label();
+        // Parts whose value is true or false jump to where that is returned.
+        let (end, decided) = (self.label(), self.label());
         let value = self.register();
+        let (mut values, mut booleans) = (false, false);
         for part in first {
-            self.step(|it| it.expr(part, value, Use::Value));
-            self.jump_to(end, |to| if or { Op::JumpIfTrue(value, to) } else { Op::JumpIfFalse(value, to) });
+            if self.is_boolean(part) {
+                booleans = true;
+                self.step(|it| it.test(part, decided, or));
+            } else {
+                values = true;
+                self.step(|it| it.expr(part, value, Use::Value));
+                self.jump_to(end, |to| if or { Op::JumpIfTrue(value, to) } else { Op::JumpIfFalse(value, to) });
+            }
         }
         self.step(|it| it.tail(last));
-        self.bind(end);
-        self.emit(Op::Return(value));
+        if booleans {
+            self.bind(decided);
+            self.emit(if or { Op::True(value) } else { Op::False(value) });
+        }
+        if booleans || values {
+            self.bind(end);
+            self.emit(Op::Return(value));
+        }
     }
 
     pub(super) fn case(

@@ -153,10 +153,15 @@ impl Machine {
                 let failure = self.make_failure(TypeId(k.0.into()), a, n.0)?;
                 self.put(d, Value::failure(*failure))
             }
-            Op::Raise(a) => match self.reg(a).as_failure() {
-                Some(failure) => Err(Box::new(failure.clone())),
-                None => Err(type_error("a failure", &self.reg(a).clone())),
-            },
+            Op::Raise(a) => {
+                let failure = self.reg(a).clone();
+                match failure.as_failure() {
+                    // One that was made as a value is raised for the first time.
+                    Some(it) if it.task.is_none() => Err(Box::new(it.clone())),
+                    Some(_) => Ok(self.throw(host, failure)),
+                    None => Err(type_error("a failure", &failure)),
+                }
+            }
             Op::JumpUnlessKind(a, k, t) => {
                 let kind = self.reg(a).as_failure().map(|failure| failure.kind);
                 if !kind.is_some_and(|kind| self.program.failures.is_a(kind, TypeId(k.0.into()))) {
@@ -171,10 +176,10 @@ impl Machine {
                 self.put(d, Value::int(mark as i64))
             }
             Op::Retry(a, t) => self.retry(a, t),
-            Op::EndCleanUp(a) => match self.reg(a).as_failure() {
-                Some(failure) => Err(Box::new(failure.clone())),
-                None => Ok(None),
-            },
+            Op::EndCleanUp(a) => {
+                let waiting = self.reg(a).clone();
+                Ok(if waiting.as_failure().is_some() { self.throw(host, waiting) } else { None })
+            }
             Op::Resume => {
                 let value = std::mem::take(self.top().register(0));
                 self.resume(host, value)
@@ -352,8 +357,11 @@ impl Machine {
     }
 
     fn native(&mut self, host: &mut dyn Host, f: NativeId, first: usize, n: usize) -> Result<Next, Raise> {
-        let args = self.top().stack[first..first + n].to_vec();
-        self.native_with(host, f, &args)
+        // The registers are lent to the native, not copied: it cannot reach the stack.
+        let mut stack = std::mem::take(&mut self.top().stack);
+        let next = self.native_with(host, f, &stack[first..first + n]);
+        std::mem::swap(&mut self.top().stack, &mut stack);
+        next
     }
 
     fn native_with(&mut self, host: &mut dyn Host, f: NativeId, args: &[Value]) -> Result<Next, Raise> {
@@ -449,7 +457,9 @@ impl Machine {
 
     /// The slot of a call at `site` from the running frame, made if it is new.
     pub(super) fn slot_of_call(&mut self, site: SiteId, name: Symbol) -> crate::tree::SlotId {
-        let levels = self.levels();
+        let mut calls = std::mem::take(&mut self.top().levels);
+        calls.clear();
+        let levels = self.levels(calls);
         let it = &self.program.sites[site.at()];
         let (counted, dynamic, hash) = (it.counted, it.callee.is_none(), it.hash);
         let program = &self.program;
@@ -472,6 +482,7 @@ impl Machine {
                 chain = run.tree.keys.then(chain, Step::Call(call), site_hash);
             }
         }
+        run.levels = levels.calls;
         if dynamic {
             chain = run.tree.keys.then(chain, Step::Name(name), site_hash);
         }
@@ -490,9 +501,8 @@ impl Machine {
     }
 
     /// The frames between the running one and its node, innermost first.
-    fn levels(&self) -> Levels {
+    fn levels(&self, mut calls: Vec<(Option<SiteId>, u32)>) -> Levels {
         let run = &self.runs[self.runs.len() - 1];
-        let mut calls = Vec::new();
         let mut start = Chain::EMPTY;
         let (mut pc, mut base) = (run.pc, run.base);
         let mut frames = run.frames.iter().rev();

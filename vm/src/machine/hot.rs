@@ -126,6 +126,7 @@ pub(super) fn run<const OWES: bool>(program: &Program, globals: &mut [Value], ru
                 Op::LessEq(d, a, b) => set!(d, Value::bool(compare!(a, &at!(b), <=, arith::less_eq))),
                 Op::NumEq(d, a, b) => set!(d, Value::bool(compare!(a, &at!(b), ==, arith::num_eq))),
                 Op::Not(d, a) => set!(d, Value::bool(!at!(a).is_true())),
+                Op::IsNil(d, a) => set!(d, Value::bool(at!(a).is_nil())),
                 Op::Identical(d, a, b) => set!(d, Value::bool(at!(a).identical(&at!(b)))),
                 Op::Cons(d, a, b) => set!(d, Value::cons(at!(a).clone(), at!(b).clone())),
                 Op::First(d, a) => match at!(a).as_pair() {

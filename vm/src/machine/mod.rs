@@ -101,6 +101,8 @@ struct Run {
     memo_index: FxHashMap<(RecId, Chain), u32>,
     occurrences: FxHashMap<RecId, Occurrences>,
     draws: FxHashMap<RecId, u64>,
+    /// Memory for walks over frames.
+    levels: Vec<(Option<crate::code::SiteId>, u32)>,
     /// The edit that each piece of inserted code belongs to.
     edit_of: FxHashMap<FnId, u32>,
     /// What is owed, in the order of its making.
@@ -135,6 +137,7 @@ impl Run {
             memo_index: FxHashMap::default(),
             occurrences: FxHashMap::default(),
             draws: FxHashMap::default(),
+            levels: Vec::new(),
             edit_of,
             obligations: Vec::new(),
             handling: Vec::new(),
@@ -243,6 +246,24 @@ impl Machine {
         }
     }
 
+    /// Begins another run in the same tree: with `keep` its places and edits stay, else only the
+    /// memory. The clock starts again.
+    pub fn restart(&mut self, keep: bool) {
+        let run = self.bottom();
+        let traced = run.traced;
+        let mut tree = std::mem::take(&mut run.tree);
+        if !keep {
+            tree.forget();
+        }
+        *run = Run::new(tree, traced);
+    }
+
+    /// Bytes of registers and frames in use.
+    #[must_use]
+    pub fn frame_bytes(&self) -> usize {
+        self.runs.iter().map(|run| run.base as usize * size_of::<Value>() + run.frames.len() * size_of::<Frame>()).sum()
+    }
+
     fn bottom(&mut self) -> &mut Run {
         self.runs.truncate(1);
         &mut self.runs[0]
@@ -310,6 +331,9 @@ impl Machine {
 
     /// An inner run hands its tree to the run below; the end of the outermost is the outcome.
     fn end_run(&mut self, outcome: Outcome) -> Option<Outcome> {
+        if let Err(failure) = &outcome {
+            crate::failure::name_tasks(&self.top().tree, failure);
+        }
         if self.runs.len() == 1 {
             return Some(outcome);
         }

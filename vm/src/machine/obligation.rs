@@ -741,7 +741,7 @@ impl Machine {
                 self.top().drivers.push(Driver::Discharge(discharge));
                 self.call_value(host, 0, SiteId(0), &goal, Vec::new())
             }
-            None => self.end_discharge(*discharge),
+            None => self.end_discharge(host, *discharge),
         }
     }
 
@@ -753,16 +753,13 @@ impl Machine {
     }
 
     /// Goes back to the frame that held the obligation, or on with the failure that left it.
-    fn end_discharge(&mut self, discharge: Discharge) -> Slow {
+    fn end_discharge(&mut self, host: &mut dyn Host, discharge: Discharge) -> Slow {
         let form = discharge.obligation.form;
         self.return_value(Value::NIL)?;
         match discharge.then {
             Some(failure) => {
                 self.top().leaving = Some(form);
-                match failure.as_failure() {
-                    Some(failure) => Err(Box::new(failure.clone())),
-                    None => Ok(None),
-                }
+                Ok(self.throw(host, failure))
             }
             None => Ok(None),
         }

@@ -6,9 +6,9 @@
 use std::rc::Rc;
 
 use crate::code::{FormKind, Place};
+use crate::failure::Task;
 use crate::host::Host;
 use crate::native::Raise;
-use crate::path::Path;
 use crate::tree::{DRIVEN, Status};
 use crate::value::{Obj, Value};
 
@@ -22,7 +22,11 @@ impl Machine {
     /// failure has left it.
     pub(super) fn unwind(&mut self, host: &mut dyn Host, mut raise: Raise) -> Option<Exit> {
         self.say_where(&mut raise);
-        let mut failure = Value::failure(*raise);
+        self.throw(host, Value::new(Obj::Failure(raise)))
+    }
+
+    /// The same for a failure that has been raised before.
+    pub(super) fn throw(&mut self, host: &mut dyn Host, mut failure: Value) -> Option<Exit> {
         loop {
             if self.top().pc == RESUME {
                 match self.driver_failed(host, failure) {
@@ -53,7 +57,7 @@ impl Machine {
         }
         if raise.task.is_none() {
             let slot = run.tree.record(run.record(run.here)).slot;
-            raise.task = Some(Path::of(&run.tree, slot).show().into());
+            raise.task = Some(Rc::new(Task::at(slot)));
         }
     }
 
@@ -78,9 +82,10 @@ impl Machine {
             return Err(failure);
         }
         let form = leaving.unwrap_or_else(|| self.program.form_at(function, at));
-        let outward = self.program.forms_outward(form).map(|(id, form)| (id, form.kind));
-        let forms: Vec<(u32, FormKind)> = outward.skip(usize::from(leaving.is_some())).collect();
-        for (form, kind) in forms {
+        let mut next = if leaving.is_some() { self.program.around(form) } else { Some(form) };
+        while let Some(form) = next {
+            next = self.program.around(form);
+            let kind = self.program.forms[form as usize].kind;
             if owes && let Some(owed) = self.due_before_failure(form) {
                 return match self.discharge(host, owed, Some(failure)) {
                     Ok(exit) => Ok(exit),
@@ -109,7 +114,7 @@ impl Machine {
                 }
                 FormKind::CleanUp { pending } => {
                     let waiting = self.reg(pending).clone();
-                    if waiting.as_failure().is_some() && !waiting.identical(&failure) {
+                    if waiting.as_failure().is_some() && !is_same_event(&waiting, &failure) {
                         failure = with_also(&waiting, failure);
                     }
                 }
@@ -122,16 +127,21 @@ impl Machine {
 
 /// A failure that left a handler: what was being handled is its first cause.
 fn caused_by(failure: Value, handled: &Value) -> Value {
-    if failure.identical(handled) || !chain_ends(&failure, handled) {
+    if is_same_event(&failure, handled) || !chain_ends(&failure, handled) {
         return failure;
     }
     add_cause(&failure, handled, MOST_KEPT)
 }
 
+/// True for copies of one failure: a clause that lets it pass raises a copy.
+fn is_same_event(one: &Value, other: &Value) -> bool {
+    matches!((one.as_failure(), other.as_failure()), (Some(one), Some(other)) if one.is_same_event(other))
+}
+
 /// True if `handled` is not yet among the causes.
 fn chain_ends(failure: &Value, handled: &Value) -> bool {
     let causes = std::iter::successors(failure.as_failure(), |it| it.cause.as_ref()?.as_failure());
-    !causes.take(MOST_KEPT).any(|it| it.cause.as_ref().is_some_and(|cause| cause.identical(handled)))
+    !causes.take(MOST_KEPT).any(|it| it.cause.as_ref().is_some_and(|cause| is_same_event(cause, handled)))
 }
 
 fn add_cause(failure: &Value, cause: &Value, depth: usize) -> Value {
@@ -151,5 +161,5 @@ pub(super) fn with_also(failure: &Value, other: Value) -> Value {
     if it.also.len() < MOST_KEPT {
         it.also.push(other);
     }
-    Value::Obj(Rc::new(Obj::Failure(Box::new(it))))
+    Value::failure(it)
 }

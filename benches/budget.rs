@@ -1,0 +1,334 @@
+//! The budgets of the language core, measured: `cargo bench --bench budget [PATTERN]`.
+//!
+//! Each workload is a program of the language, run several times; the figure is the median of
+//! the CPU time per operation. Where `lua5.4` is installed, the same workload runs there in
+//! between, and the ratio of the two medians is printed: on a shared machine only ratios of one
+//! run can be trusted. Figures and how they are judged: `vm/benches/README.md`.
+
+use std::process::Command;
+use std::time::Duration;
+
+use cpu_time::ProcessTime;
+use pleach::{Options, Session};
+use vm::machine::Progress;
+use vm::value::Value;
+
+/// How often each workload runs.
+const RUNS: usize = 9;
+
+fn main() {
+    let pattern = std::env::args().skip(1).find(|arg| !arg.starts_with("--")).unwrap_or_default();
+    let thread = std::thread::Builder::new().stack_size(256 << 20);
+    let bench = thread.spawn(move || all(&pattern)).expect("a thread can be started");
+    bench.join().expect("the benchmarks run to their end");
+}
+
+fn all(pattern: &str) {
+    let wanted = |name: &str| name.contains(pattern);
+    functions(&wanted);
+    plans(&wanted);
+    loops(&wanted);
+    depth(&wanted);
+    failures(&wanted);
+    text(&wanted);
+}
+
+// ---------------------------------------------------------------------------------------------
+// Measuring
+
+fn median(mut times: Vec<f64>) -> f64 {
+    times.sort_by(f64::total_cmp);
+    times[times.len() / 2]
+}
+
+fn ns(time: Duration) -> f64 {
+    time.as_nanos() as f64
+}
+
+fn line(name: &str, ns: f64, per: &str, note: &str) {
+    println!("{name:<34} {ns:>10.1} ns per {per:<8} {note}");
+}
+
+/// A session with a program loaded, and what it calls.
+struct Program {
+    session: Session,
+    function: vm::FnId,
+}
+
+impl Program {
+    fn new(text: &str, function: &str) -> Program {
+        let mut session = Session::new(Options::default());
+        let loaded = session.load_text("bench.plan", text);
+        let errors: Vec<String> = loaded.reports.iter().map(|report| session.report(report)).collect();
+        assert!(errors.is_empty(), "{}", errors.join("\n"));
+        for init in loaded.init {
+            session.call(init, Vec::new(), &mut String::new()).expect("the file loads");
+        }
+        let function = session.plan(function).expect("the function is defined");
+        Program { session, function }
+    }
+
+    fn run(&mut self, args: &[i64]) -> (Value, f64) {
+        let args = args.iter().map(|arg| Value::int(*arg)).collect();
+        let start = ProcessTime::now();
+        let outcome = self.session.call(self.function, args, &mut String::new());
+        (outcome.expect("it succeeds"), ns(start.elapsed()))
+    }
+}
+
+/// Milliseconds of a workload in Lua 5.4, if it is installed.
+fn lua(workload: &str) -> Option<f64> {
+    let script = concat!(env!("CARGO_MANIFEST_DIR"), "/benches/peer.lua");
+    let output = Command::new("lua5.4").args([script, workload]).output().ok()?;
+    String::from_utf8(output.stdout).ok()?.trim().parse().ok()
+}
+
+// ---------------------------------------------------------------------------------------------
+// Workloads
+
+const FUNCTIONS: &str = "
+(def-fun fib (n) (if (< n 2) n (+ (fib (- n 1)) (fib (- n 2)))))
+(def-fun tak (x y z) (if (>= y x) z (tak (tak (- x 1) y z) (tak (- y 1) z x) (tak (- z 1) x y))))
+(def-fun join2 (a b) (if (null? a) b (cons (first a) (join2 (rest a) b))))
+(def-fun ok (row dist placed)
+  (or (null? placed)
+      (let ((p (first placed)))
+        (and (not (= p (+ row dist))) (not (= p (- row dist))) (ok row (+ dist 1) (rest placed))))))
+(def-fun try (x y z)
+  (if (null? x)
+      (if (null? y) 1 0)
+      (+ (if (ok (first x) 1 z) (try (join2 (rest x) y) nil (cons (first x) z)) 0)
+         (try (rest x) (cons (first x) y) z))))
+(def-fun queens (n) (let ((l nil) (i n)) (while (> i 0) (set! l (cons i l)) (set! i (- i 1))) (try l nil nil)))
+(def-fun closures (n) (let ((acc 0)) (dotimes (i n) (set! acc ((lambda (x) (mod (+ x i) 1000003)) acc))) acc))
+";
+
+fn functions(wanted: &dyn Fn(&str) -> bool) {
+    // Name, arguments, calls in one run as the budget experiment counts them, result.
+    let workloads: [(&str, &str, &[i64], f64, i64); 4] = [
+        ("fib30", "fib", &[30], 2_692_537.0, 832_040),
+        ("tak", "tak", &[24, 16, 8], 2_493_349.0, 9),
+        ("queens10", "queens", &[10], 695_127.0, 724),
+        ("closure", "closures", &[1_000_000], 1_000_000.0, -1),
+    ];
+    let mut product = 1.0;
+    let mut compared = 0;
+    for (name, function, args, calls, expected) in workloads {
+        if !wanted(name) {
+            continue;
+        }
+        let (mut ours, mut theirs) = (Vec::new(), Vec::new());
+        let mut program = Program::new(FUNCTIONS, function);
+        for _ in 0..RUNS {
+            let (value, time) = program.run(args);
+            assert!(expected < 0 || value == Value::int(expected), "{name} gives {value:?}");
+            ours.push(time);
+            theirs.extend(lua(name));
+        }
+        let ours = median(ours);
+        let note = match theirs.is_empty() {
+            true => "lua5.4 is not installed".to_string(),
+            false => {
+                let ratio = ours / (median(theirs) * 1e6);
+                if name != "closure" {
+                    product *= ratio;
+                    compared += 1;
+                }
+                format!("{ratio:.2} x Lua 5.4")
+            }
+        };
+        line(name, ours / calls, "call", &note);
+    }
+    if compared == 3 {
+        println!("{:<34} {:>10.2} x Lua 5.4 (must 1.0)", "geometric mean", f64::powf(product, 1.0 / 3.0));
+    }
+}
+
+const PLANS: &str = "
+(def-plan fib (n) (if (< n 2) n (+ (fib (- n 1)) (fib (- n 2)))))
+(def-plan leaf (i) i)
+(def-plan rounds (n) (dotimes (i n) (leaf i)))
+(def-plan elements (xs) (dolist (x xs) (leaf x)))
+(def-plan down (n) (let ((i n)) (while (> i 0) (set! i (- i 1)) (leaf i))))
+(def-fun through (i) (leaf i))
+(def-plan functions (n) (dotimes (i n) (through i)))
+";
+const NODES: f64 = 242_785.0;
+
+fn plans(wanted: &dyn Fn(&str) -> bool) {
+    if wanted("plan/fresh") {
+        let mut times = Vec::new();
+        let mut bytes = 0.0;
+        for _ in 0..RUNS {
+            let mut program = Program::new(PLANS, "fib");
+            times.push(program.run(&[25]).1);
+            bytes = program.session.machine.tree().bytes() as f64 / NODES;
+        }
+        line("plan/fresh", median(times) / NODES, "call", &format!("{bytes:.0} bytes per node (must 120 ns, 160 B)"));
+    }
+    for (name, keep, must) in [("plan/reused", false, 55), ("plan/again", true, 55)] {
+        if !wanted(name) {
+            continue;
+        }
+        let mut program = Program::new(PLANS, "fib");
+        program.run(&[25]);
+        let mut times = Vec::new();
+        for _ in 0..RUNS {
+            program.session.machine.restart(keep);
+            times.push(program.run(&[25]).1);
+        }
+        line(name, median(times) / NODES, "call", &format!("(must {must} ns)"));
+    }
+    edited(wanted);
+}
+
+/// The same plan calls with edits at some of the slots, that change nothing.
+fn edited(wanted: &dyn Fn(&str) -> bool) {
+    for (name, every) in [("plan/edits-at-1-percent", 100), ("plan/edits-everywhere", 1)] {
+        if !wanted(name) {
+            continue;
+        }
+        let text = format!(
+            "{PLANS}
+             (def-plan main ()
+               (let* ((tree (run-plan rounds :args '(10000)))
+                      (edits (map (lambda (i) (with-param (make-path (list 'rounds (list 'leaf (+ 1 (* {every} i))))) :i i))
+                                  (range 0 {}))))
+                 (edit-tree tree edits)))
+             (def-plan again (tree) (run-plan rounds :args '(10000) :tree tree))",
+            10_000 / every
+        );
+        let mut program = Program::new(&text, "main");
+        let tree = program.run(&[]).0;
+        let again = program.session.plan("again").expect("it is defined");
+        let mut times = Vec::new();
+        for _ in 0..RUNS {
+            let start = ProcessTime::now();
+            program.session.call(again, vec![tree.clone()], &mut String::new()).expect("it succeeds");
+            times.push(ns(start.elapsed()));
+        }
+        line(name, median(times) / 10_000.0, "call", "(copying the tree included)");
+    }
+}
+
+fn loops(wanted: &dyn Fn(&str) -> bool) {
+    for (plan, what) in [("rounds", "dotimes"), ("down", "while"), ("functions", "through a function")] {
+        for n in [100, 1_000, 10_000, 100_000] {
+            let name = format!("loop/{plan}/{n}");
+            if !wanted(&name) {
+                continue;
+            }
+            let mut program = Program::new(PLANS, plan);
+            program.run(&[n]);
+            let repeat = 100_000 / n;
+            let mut times = Vec::new();
+            for _ in 0..RUNS {
+                let mut time = 0.0;
+                for _ in 0..repeat {
+                    program.session.machine.restart(false);
+                    time += program.run(&[n]).1;
+                }
+                times.push(time / repeat as f64);
+            }
+            line(&name, median(times) / n as f64, "call", what);
+        }
+    }
+}
+
+const DEEP: &str = "
+(def-fun deep (n) (if (= n 0) 0 (+ 1 (deep (- n 1)))))
+(def-plan plan-deep (n) (if (= n 0) 0 (+ 1 (plan-deep (- n 1)))))
+";
+
+fn depth(wanted: &dyn Fn(&str) -> bool) {
+    for (name, function, must) in [("depth/functions", "deep", 64), ("depth/plans", "plan-deep", 250)] {
+        if !wanted(name) {
+            continue;
+        }
+        const DEPTH: i64 = 1_000_000;
+        let mut times = Vec::new();
+        for _ in 0..3 {
+            times.push(Program::new(DEEP, function).run(&[DEPTH]).1);
+        }
+        // Half-way down, what the frames and their nodes take.
+        let mut program = Program::new(DEEP, function);
+        let machine = &mut program.session.machine;
+        let nodes = machine.tree().bytes();
+        machine.start(program.function, vec![Value::int(DEPTH)]);
+        let stop = machine.steps() + DEPTH as u64 / 2;
+        let progress = program.session.go(&mut String::new(), Some(stop));
+        assert!(matches!(progress, Progress::Stopped));
+        let machine = &program.session.machine;
+        let bytes = (machine.frame_bytes() + machine.tree().bytes() - nodes) as f64 / (DEPTH as f64 / 2.0);
+        line(name, median(times) / DEPTH as f64, "call", &format!("{bytes:.0} bytes per level (must {must} B)"));
+    }
+}
+
+const FAIL: &str = "
+(def-failure oops)
+(def-fun fdown (n) (if (= n 0) (fail oops :n n) (+ 1 (fdown (- n 1)))))
+(def-plan pdown (n) (if (= n 0) (fail oops :n n) (+ 1 (pdown (- n 1)))))
+(def-fun cdown (n) (if (= n 0) (fail oops :n n) (+ 1 (unwind-protect (cdown (- n 1)) nil))))
+(def-fun functions (n) (dotimes (i n) (with-failure-handling ((oops (e) (return 0))) (fdown 9))))
+(def-fun plans (n) (dotimes (i n) (with-failure-handling ((oops (e) (return 0))) (pdown 9))))
+(def-fun cleanups (n) (dotimes (i n) (with-failure-handling ((oops (e) (return 0))) (cdown 9))))
+";
+
+fn failures(wanted: &dyn Fn(&str) -> bool) {
+    for (name, function, must) in [("fail/functions", "functions", 250), ("fail/plans", "plans", 600), ("fail/clean-ups", "cleanups", 650)] {
+        if !wanted(name) {
+            continue;
+        }
+        const FAILURES: i64 = 20_000;
+        let mut program = Program::new(FAIL, function);
+        program.run(&[FAILURES]);
+        let mut times = Vec::new();
+        for _ in 0..RUNS {
+            program.session.machine.restart(false);
+            times.push(program.run(&[FAILURES]).1);
+        }
+        line(name, median(times) / FAILURES as f64, "failure", &format!("through 10 frames (must {must} ns)"));
+    }
+}
+
+fn text(wanted: &dyn Fn(&str) -> bool) {
+    let library: String = stdlib::MODULES.iter().map(|(_, text)| *text).collect();
+    if wanted("parse") {
+        let text = library.repeat(4_000_000 / library.len() + 1);
+        let mut times = Vec::new();
+        for _ in 0..RUNS {
+            let start = ProcessTime::now();
+            let parsed = grammar::parse(grammar::FileId(0), &text);
+            times.push(ns(start.elapsed()));
+            assert!(parsed.errors.is_empty());
+        }
+        println!("{:<34} {:>10.1} MB/s (must 10)", "parse", text.len() as f64 * 1e3 / median(times));
+    }
+    if wanted("compile") {
+        let one = "(def-fun f0 (a b)
+                     \"A function of the benchmark.\"
+                     (let ((x (+ a b)) (items (list a b)))
+                       (dolist (item items) (when (> item x) (print \"large\" item)))
+                       (if (< x 10) (* x 2) (f0 (- a 1) (length items)))))\n";
+        let functions: String = (0..4_000).map(|i| one.replace("f0", &format!("f{i}"))).collect();
+        let mut times = Vec::new();
+        for _ in 0..3 {
+            let mut session = Session::new(Options::default());
+            let start = ProcessTime::now();
+            session.load_text("bench.plan", &functions);
+            times.push(ns(start.elapsed()));
+        }
+        println!("{:<34} {:>10.1} MB/s (must 2)", "compile", functions.len() as f64 * 1e3 / median(times));
+    }
+    if wanted("start") {
+        let mut times = Vec::new();
+        for _ in 0..RUNS {
+            let start = ProcessTime::now();
+            let mut session = Session::new(Options::default());
+            let loaded = session.load_text("empty.plan", "");
+            session.run(loaded, None, &mut String::new());
+            times.push(ns(start.elapsed()));
+        }
+        println!("{:<34} {:>10.1} ms (must 20)", "start", median(times) / 1e6);
+    }
+}
