@@ -233,6 +233,16 @@ impl Session {
         front.extend(&mut machine.program, files, *module, file, text)
     }
 
+    /// Compiles a file into the module of the session, where it may define things again.
+    ///
+    /// # Errors
+    /// A sentence that says why the file cannot be read.
+    pub fn extend_file(&mut self, path: &Path) -> Result<Loaded, String> {
+        let source = self.files.read(path)?;
+        let Session { files, front, machine, module, .. } = self;
+        Ok(front.extend(&mut machine.program, files, *module, source.file, &source.text))
+    }
+
     /// Calls a function of the program and waits for it; nil if it was stopped.
     pub fn call(&mut self, function: FnId, args: Vec<Value>, output: &mut dyn Output) -> Outcome {
         match self.call_until(function, args, output) {

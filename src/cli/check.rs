@@ -12,7 +12,7 @@ use vm::native::Effect;
 use vm::op::Operand;
 use vm::value::{Imm, Value};
 
-use super::{Answer, ERRORS, Paths, files, json, term};
+use super::{Answer, ERRORS, Paths, count, files, json, term};
 
 pub const HELP: &str = "\
 Examples:
@@ -74,11 +74,6 @@ pub fn run(it: &Check) -> Answer {
         term::complain(&format!("{}, {}\n", count(errors, "error"), count(warnings, "warning")));
     }
     Ok(if errors > 0 { ERRORS } else { 0 })
-}
-
-/// "1 error", "2 errors"
-pub fn count(n: usize, what: &str) -> String {
-    format!("{n} {what}{}", if n == 1 { "" } else { "s" })
 }
 
 /// Checks one file, as a program of its own.

@@ -80,10 +80,15 @@ fn definition_page(session: &Session, name: Symbol, definition: &Definition) -> 
     if let Meaning::Failure(id) = definition.meaning {
         return failure_page(session, id);
     }
-    let home = home(session, name, definition).map_or(String::new(), |id| {
-        format!(" of the module {}", vm::show::safe(&session.front.modules.get(id).name))
-    });
-    format!("{}\n  {}{home}\n{}", signature(name, definition), definition.meaning.words(), indented(definition.doc.as_deref()))
+    let home = home(session, name, definition);
+    let prelude = home.filter(|id| session.front.modules.prelude.contains(id));
+    let span = definition.span;
+    let whence = match prelude {
+        Some(id) => format!(" of the module {}", session.front.modules.get(id).name),
+        None if span == grammar::Span::default() => String::new(),
+        None => format!(", defined at {}", session.files.show(vm::Place { file: span.file.0, start: span.start, end: span.end })),
+    };
+    format!("{}\n  {}{whence}\n{}", signature(name, definition), definition.meaning.words(), indented(definition.doc.as_deref()))
 }
 
 /// `(name params…)` of what can be called, else the name.

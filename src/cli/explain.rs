@@ -42,7 +42,8 @@ pub fn page(code: &str) -> Result<String, Trouble> {
     if let [(_, page)] = by_end.as_slice() {
         return Ok(page.to_string());
     }
-    let help = match nearest(code, pages().map(|(known, _)| *known)) {
+    let ends = pages().filter_map(|(known, _)| known.rsplit("::").next());
+    let help = match nearest(code, pages().map(|(known, _)| *known).chain(ends)) {
         Some(near) => format!("did you mean `{near}`? `pleach explain` lists all codes"),
         None => "`pleach explain` lists all codes".into(),
     };

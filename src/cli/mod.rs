@@ -7,14 +7,14 @@
 mod check;
 pub mod doc;
 mod explain;
-mod files;
+pub mod files;
 mod fmt;
 pub mod interrupt;
 mod journal;
 pub mod json;
 mod resume;
 pub mod run;
-mod settings;
+pub mod settings;
 pub mod term;
 mod test;
 
@@ -132,6 +132,11 @@ pub fn main() -> u8 {
         term::complain(&term::trouble(&trouble));
         ERRORS
     })
+}
+
+/// "1 error", "2 errors"
+pub fn count(n: usize, what: &str) -> String {
+    format!("{n} {what}{}", if n == 1 { "" } else { "s" })
 }
 
 /// One or more files or folders of plans, for the commands that take many.

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use compiler::{Loaded, Report};
+use pleach::render::Style;
 use pleach::session::Output;
 use pleach::{Ended, Session, render};
 use serde_json::{Value as Json, json};
@@ -328,7 +329,7 @@ fn report(session: &Session, ended: &Ended, show: &Show, console: &mut Console, 
         return Ok(code);
     }
     if !show.quiet {
-        term::complain(&tree_text(session, show.all));
+        term::complain(&tree_text(session, show.all, "--all", term::error_style()));
     }
     match ended {
         Ended::Ran(Err(failure)) => term::complain(&failure_text(session, failure)),
@@ -347,16 +348,16 @@ pub fn failure_text(session: &Session, failure: &Value) -> String {
     render::failure_in_source(&session.files, failure, term::error_style())
 }
 
-/// The tree as far as it is shown.
-pub fn tree_text(session: &Session, all: bool) -> String {
+/// The tree as far as it is shown; `more` shows the rest.
+pub fn tree_text(session: &Session, all: bool, more: &str, style: Style) -> String {
     let most = if all { usize::MAX } else { MOST_NODES };
     let tree = session.machine.tree();
     let mut text = vm::show::text(&session.machine.program, tree, most);
     if tree.len() > most && text.ends_with(" nodes in all\n") {
         text.pop();
-        text += "; --all shows them\n";
+        text += &format!("; {more} shows them\n");
     }
-    term::paint_tree(&text, term::error_style())
+    term::paint_tree(&text, style)
 }
 
 /// Where a stopped run stands, and how to go on.
@@ -368,6 +369,17 @@ fn stopped_text(session: &Session, console: &Console) -> String {
         (None, false) => "stopped",
     };
     let mut text = format!("{why} at step {}, {} s of the task clock\n", machine.steps(), vm::show::seconds(machine.now()));
+    text += &place_text(session);
+    if let Some(journal) = &console.journal {
+        text += &format!("go on with: pleach resume {}\n", journal.path.display());
+    }
+    text
+}
+
+/// The calls in which a stopped run stands, innermost first.
+pub fn place_text(session: &Session) -> String {
+    let machine = &session.machine;
+    let mut text = String::new();
     let calls = machine.backtrace(MOST_CALLS + 1);
     for (function, pc) in calls.iter().take(MOST_CALLS) {
         let function = &machine.program.functions[function.at()];
@@ -376,9 +388,6 @@ fn stopped_text(session: &Session, console: &Console) -> String {
     }
     if calls.len() > MOST_CALLS {
         text += "  …\n";
-    }
-    if let Some(journal) = &console.journal {
-        text += &format!("go on with: pleach resume {}\n", journal.path.display());
     }
     text
 }

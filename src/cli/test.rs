@@ -13,7 +13,7 @@ use vm::machine::Progress;
 use vm::value::{Symbol, Value};
 
 use super::settings::Settings;
-use super::{Answer, ERRORS, FAILED, INTERRUPTED, Paths, Trouble, files, interrupt, json, run, term};
+use super::{Answer, ERRORS, FAILED, INTERRUPTED, Paths, Trouble, count, files, interrupt, json, run, term};
 
 pub const HELP: &str = "\
 Examples:
@@ -83,7 +83,7 @@ pub fn run(it: &Test) -> Answer {
         term::say(&format!("{}\n", json!({"passed": passed, "failed": failed, "tests": tests, "errors": errors})));
     } else {
         if broken > 0 {
-            term::say(&format!("{} could not be tested\n", super::check::count(broken, "file")));
+            term::say(&format!("{} could not be tested\n", count(broken, "file")));
         }
         term::say(&format!("{passed} passed, {failed} failed\n"));
     }
@@ -125,7 +125,7 @@ fn test_file(it: &Test, options: &Options, path: &Path, tally: &mut Tally) {
     };
     let tests = tests(&session, &it.filter);
     if !it.json {
-        term::say(&format!("{}: {}\n", path.display(), super::check::count(tests.len(), "test")));
+        term::say(&format!("{}: {}\n", path.display(), count(tests.len(), "test")));
     }
     // The session that listed the tests is as good as new for the first of them.
     let mut fresh = Some(session);
