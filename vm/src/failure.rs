@@ -72,6 +72,11 @@ pub fn name_tasks(tree: &Tree, failure: &Value) {
 }
 
 impl Failure {
+    /// A failure of any type, not yet raised.
+    #[must_use]
+    pub fn of_type(kind: TypeId, name: Symbol, fields: Vec<(Symbol, Value)>) -> Failure {
+        Failure { kind, name, fields, place: None, task: None, cause: None, also: Vec::new() }
+    }
     /// A failure of one of the machine's own types with a message.
     #[must_use]
     pub fn new(builtin: Builtin, message: impl Into<String>) -> Failure {
@@ -80,15 +85,8 @@ impl Failure {
     /// A failure of one of the machine's own types.
     #[must_use]
     pub fn with(builtin: Builtin, fields: Vec<(&str, Value)>) -> Failure {
-        Failure {
-            kind: builtin.id(),
-            name: Symbol::from(builtin.name()),
-            fields: fields.into_iter().map(|(key, value)| (Symbol::from(key), value)).collect(),
-            place: None,
-            task: None,
-            cause: None,
-            also: Vec::new(),
-        }
+        let fields = fields.into_iter().map(|(key, value)| (Symbol::from(key), value)).collect();
+        Failure::of_type(builtin.id(), Symbol::from(builtin.name()), fields)
     }
     /// The value of a field.
     #[must_use]

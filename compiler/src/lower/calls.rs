@@ -99,8 +99,19 @@ impl Lower<'_> {
     fn window(&mut self, args: &[Option<Expr>]) -> u8 {
         let registers: Vec<u8> = args.iter().map(|_| self.register()).collect();
         let first = registers.first().copied().unwrap_or_else(|| self.scratch(Self::register));
-        for (arg, register) in args.iter().zip(&registers) {
+        let mut moved = false;
+        for (at, (arg, register)) in args.iter().zip(&registers).enumerate() {
+            if std::mem::take(&mut moved) {
+                continue;
+            }
             match arg {
+                Some(Expr { kind: ExprKind::Var(a), .. })
+                    if let Some(Some(Expr { kind: ExprKind::Var(b), .. })) = args.get(at + 1) =>
+                {
+                    let (a, b) = (self.var(*a), self.var(*b));
+                    self.emit(Op::Move2(*register, a, b));
+                    moved = true;
+                }
                 Some(arg) => self.expr(arg, *register, Use::Value),
                 None => {
                     let unset = self.constant(&Value::UNSET);

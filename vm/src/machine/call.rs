@@ -257,14 +257,12 @@ impl Machine {
         let Some(it) = self.program.failures.get(kind) else {
             return Err(Box::new(Failure::new(Builtin::ProgramError, "no such failure type")));
         };
-        let mut failure = Failure::new(Builtin::Failure, "");
-        (failure.kind, failure.name) = (kind, it.name);
-        failure.fields.clear();
+        let mut fields = Vec::with_capacity(n as usize);
         for pair in given.chunks_exact(2) {
             let key = pair[0].as_keyword().ok_or_else(|| type_error("a keyword", &pair[0]))?;
-            failure.fields.push((key, pair[1].clone()));
+            fields.push((key, pair[1].clone()));
         }
-        Ok(Box::new(failure))
+        Ok(Box::new(Failure::of_type(kind, it.name, fields)))
     }
 
     // ------------------------------------------------------------------ functions and natives

@@ -5,7 +5,7 @@
 
 use std::rc::Rc;
 
-use crate::code::{FormKind, Place};
+use crate::code::{FnId, FormKind, Place};
 use crate::failure::Task;
 use crate::host::Host;
 use crate::native::Raise;
@@ -27,6 +27,7 @@ impl Machine {
 
     /// The same for a failure that has been raised before.
     pub(super) fn throw(&mut self, host: &mut dyn Host, mut failure: Value) -> Option<Exit> {
+        let mut function = None;
         loop {
             if self.top().pc == RESUME {
                 match self.driver_failed(host, failure) {
@@ -34,7 +35,7 @@ impl Machine {
                     Err(passed) => failure = passed,
                 }
             } else {
-                match self.find_handler(host, failure) {
+                match self.find_handler(host, failure, &mut function) {
                     Ok(exit) => return exit,
                     Err(passed) => failure = passed,
                 }
@@ -71,13 +72,24 @@ impl Machine {
 
     /// Looks for a handler or clean-up around the program counter of the running frame. Gives the
     /// failure back if there is none, with what it picked up on the way.
-    fn find_handler(&mut self, host: &mut dyn Host, mut failure: Value) -> Result<Option<Exit>, Value> {
+    /// `last` is the function of the frame before: most often it is that of this one.
+    fn find_handler(
+        &mut self,
+        host: &mut dyn Host,
+        mut failure: Value,
+        last: &mut Option<FnId>,
+    ) -> Result<Option<Exit>, Value> {
         let run = self.top();
         let leaving = run.leaving.take();
         let (depth, at) = (run.frames.len(), Pc(run.pc.saturating_sub(1)));
         let owes = run.obligations.iter().any(|it| it.depth == depth);
         let handling = run.handling.last().and_then(|it| it.of_frame(depth));
-        let Some(function) = self.program.function_at(at) else { return Err(failure) };
+        let within = |function: &FnId| {
+            let function = &self.program.functions[function.at()];
+            (function.entry..function.end).contains(&at)
+        };
+        *last = last.filter(within).or_else(|| self.program.function_at(at));
+        let Some(function) = *last else { return Err(failure) };
         if !self.program.functions[function.at()].guards && !owes {
             return Err(failure);
         }
