@@ -1,0 +1,18 @@
+//! The tests of the language as a whole: programs in, what they print and the trees they grow out.
+//!
+//! [`run`] runs the programs under `run/`, each also under the [`treatments`]; [`diagnostics`]
+//! the mistakes under `diagnostics/`; [`docs`] all programs in documents and docstrings;
+//! [`limits`] what needs a program too large to be written; [`arrows`] reads the manifests.
+//! Only [`program`] knows how a program is loaded and run.
+//!
+//! `UPDATE_EXPECT=1` writes what came out over what was expected: read the difference.
+
+mod arrows;
+mod diagnostics;
+mod docs;
+mod expected;
+mod fuzz_regressions;
+mod limits;
+mod program;
+mod run;
+mod treatments;
