@@ -225,6 +225,10 @@ impl Compiler<'_> {
         if matches!(name.as_str(), "nil" | "true" | "false") {
             return self.misshapen_top(form, "cannot define this name");
         }
+        if let Some((_, shape)) = special::SHAPES.iter().find(|(known, _)| name == *known) {
+            let (name, shape, at) = (name.to_string(), (*shape).to_string(), items[1].span);
+            return self.error(CompileError::Reserved { name, shape, at });
+        }
         let rest = &items[2..];
         match head.as_str() {
             "def-fun" => self.def_function(work, form, name, rest, FnKind::Function, Meaning::Function),

@@ -82,6 +82,19 @@ pub enum CompileError {
         at: Span,
     },
 
+    /// A definition of a name that the language itself uses.
+    #[error("`{name}` is a form of the language and cannot be defined")]
+    #[diagnostic(code(resolve::reserved), help("choose another name; `({name} …)` always means {shape}"))]
+    Reserved {
+        /// The name.
+        name: String,
+        /// How the form is written.
+        shape: String,
+        /// The definition.
+        #[label("defined here")]
+        at: Span,
+    },
+
     /// `set!` of something that is not a local variable.
     #[error("`{name}` cannot be changed: it is {is}")]
     #[diagnostic(code(resolve::set_constant), help("bind a local variable with `let` and change that"))]
@@ -407,6 +420,7 @@ impl CompileError {
             | E::Duplicate { again: at, .. }
             | E::WrongKind { at, .. }
             | E::Ambiguous { at, .. }
+            | E::Reserved { at, .. }
             | E::SetConstant { at, .. }
             | E::SetCaptured { at, .. }
             | E::Shape { at, .. }

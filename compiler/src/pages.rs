@@ -12,6 +12,7 @@ pub const PAGES: &[(&str, &str)] = &[
     ("resolve::duplicate", include_str!("../errors/resolve-duplicate.md")),
     ("resolve::wrong_kind", include_str!("../errors/resolve-wrong_kind.md")),
     ("resolve::ambiguous", include_str!("../errors/resolve-ambiguous.md")),
+    ("resolve::reserved", include_str!("../errors/resolve-reserved.md")),
     ("resolve::set_constant", include_str!("../errors/resolve-set_constant.md")),
     ("resolve::set_captured", include_str!("../errors/resolve-set_captured.md")),
     ("form::shape", include_str!("../errors/form-shape.md")),

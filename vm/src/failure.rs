@@ -162,12 +162,8 @@ builtin_types! {
     ActionNotGrounded = "action-not-grounded" < "plan-failure" ["action"];
     /// What was performed did not reach its goal.
     GoalNotReached = "goal-not-reached" < "plan-failure" ["of"];
-    /// All alternatives failed.
-    CompositeFailure = "composite-failure" < "plan-failure" ["failures"];
     /// A file could not be read or written.
     FileFailure = "file-failure" < "plan-failure" ["path"];
-    /// A motion whose result was lost when the run was stopped.
-    Interrupted = "interrupted" < "plan-failure" [];
     /// A native that the run has no grant for.
     NotAllowed = "not-allowed" < "program-error" ["effect"];
     /// The run used up its fuel.

@@ -214,6 +214,8 @@ ops! {
     Mark(d: u8);
     /// Do the guarded body at t again; its calls are counted from the mark in a.
     Retry(a: u8, t: Pc);
+    /// Clean-up forms begin: from now on they have their time.
+    BeginCleanUp;
     /// The clean-up forms are over: raise the failure that waits in a, if one does.
     EndCleanUp(a: u8);
     /// The driver of the frame goes on with the value in register 0.

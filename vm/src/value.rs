@@ -399,10 +399,13 @@ fn compare_shallow(a: &Value, b: &Value, todo: &mut Vec<(Value, Value)>) -> Orde
             unequal => unequal,
         },
         (Obj::Failure(a), Obj::Failure(b)) => match a.name.as_str().cmp(b.name.as_str()) {
-            Ordering::Equal if a.fields.len() == b.fields.len() => {
-                later(&mut a.fields.iter().zip(&b.fields).map(|(f, g)| (f.1.clone(), g.1.clone())))
+            Ordering::Equal => {
+                let names = |it: &Failure| it.fields.iter().map(|field| field.0.as_str()).collect::<Vec<_>>();
+                match names(a).cmp(&names(b)) {
+                    Ordering::Equal => later(&mut a.fields.iter().zip(&b.fields).map(|(f, g)| (f.1.clone(), g.1.clone()))),
+                    unequal => unequal,
+                }
             }
-            Ordering::Equal => a.fields.len().cmp(&b.fields.len()),
             unequal => unequal,
         },
         (Obj::Closure(f, a), Obj::Closure(g, b)) => match (f, a.len()).cmp(&(g, b.len())) {

@@ -359,6 +359,7 @@ impl Lower<'_> {
         let Some(protection) = self.protections.pop() else { return };
         self.bind(start);
         self.open(FormKind::CleanUp { pending });
+        self.emit(Op::BeginCleanUp);
         for expr in cleanup {
             self.step(|it| {
                 it.scratch(|it| {

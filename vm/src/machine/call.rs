@@ -177,6 +177,7 @@ impl Machine {
             }
             Op::Retry(a, t) => self.retry(a, t),
             Op::EndCleanUp(a) => {
+                self.top().cleanups.pop();
                 let waiting = self.reg(a).clone();
                 Ok(if waiting.as_failure().is_some() { self.throw(host, waiting) } else { None })
             }
@@ -262,6 +263,9 @@ impl Machine {
             let key = pair[0].as_keyword().ok_or_else(|| type_error("a keyword", &pair[0]))?;
             fields.push((key, pair[1].clone()));
         }
+        // In the order of the type, however they were given: equal failures look equal.
+        let place = |field: &(Symbol, Value)| it.fields.iter().position(|known| *known == field.0).unwrap_or(usize::MAX);
+        fields.sort_by(|a, b| place(a).cmp(&place(b)).then_with(|| a.0.as_str().cmp(b.0.as_str())));
         Ok(Box::new(Failure::of_type(kind, it.name, fields)))
     }
 

@@ -21,6 +21,10 @@ impl Machine {
         for value in crate::native::list(edits)? {
             let Some(Obj::Edit(edit)) = value.obj() else { return Err(type_error("an edit", &value)) };
             match self.accept(host, &tree, edit) {
+                Ok((slot, accepted)) if waits_for_itself(&tree, slot, &accepted) => {
+                    let why = format!("{} would wait for itself", Path::of(&tree, slot).show());
+                    refused.push((value, why));
+                }
                 Ok((slot, accepted)) => drop(tree.add_edit(slot, accepted)),
                 Err(why) => refused.push((value, why)),
             }
@@ -118,6 +122,20 @@ fn find_all(tree: &Tree, slot: SlotId, paths: &[Path], own: bool) -> Result<Vec<
         slots.push(other);
     }
     Ok(slots)
+}
+
+/// True if an edit closes a circle of calls each of which is deferred after one other. (A call that
+/// waits for the last of several is deferred only while one of them is still to come.)
+fn waits_for_itself(tree: &Tree, slot: SlotId, edit: &Accepted) -> bool {
+    let deferred_after = |edit: &Accepted| match (&edit.edit.what, edit.after.as_slice()) {
+        (What::Defer(_), [after]) => Some(*after),
+        _ => None,
+    };
+    let next = |at: &SlotId| {
+        tree.edits_of(*at).iter().rev().find_map(|id| deferred_after(&tree.edits[*id as usize - 1]))
+    };
+    let mut chain = std::iter::successors(deferred_after(edit), next).take(tree.edits.len() + 1);
+    chain.any(|at| at == slot)
 }
 
 /// True if `slot` is `of` or below it.

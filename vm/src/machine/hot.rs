@@ -17,6 +17,7 @@ use crate::op::Op;
 use crate::tree::{COUNTED, DRIVEN, NodeKind, RecId, Status};
 use crate::value::{Imm, Obj, Value};
 
+use super::cleanup::CleanUp;
 use super::obligation::{self, RunView};
 use super::{Frame, Here, MEMO, Run};
 
@@ -43,7 +44,7 @@ pub(super) enum Out {
 pub(super) fn run<const OWES: bool>(program: &Program, globals: &mut [Value], run: &mut Run, depth: usize, left: &mut u64) -> Out {
     let mut fuel = *left;
     let (mut pc, mut base, mut here) = (run.pc as usize, run.base as usize, run.here);
-    let Run { stack, frames, tree, occurrences, obligations, handling, .. } = run;
+    let Run { stack, frames, tree, occurrences, obligations, handling, cleanups, .. } = run;
     let code: &[Op] = &program.code;
     let out = 'window: loop {
         let Some(w) = stack.get_mut(base..).and_then(|above| above.first_chunk_mut::<256>()) else {
@@ -143,6 +144,7 @@ pub(super) fn run<const OWES: bool>(program: &Program, globals: &mut [Value], ru
                     set!(d, Value::new(Obj::Closure(f, captured)));
                 }
 
+                Op::BeginCleanUp => cleanups.push(CleanUp::begin(frames.len(), run.now, cleanups.last())),
                 Op::Jump(t) => jump!(t),
                 Op::Loop(t) => {
                     burn!();

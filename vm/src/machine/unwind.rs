@@ -94,7 +94,7 @@ impl Machine {
             return Err(failure);
         }
         let form = leaving.unwrap_or_else(|| self.program.form_at(function, at));
-        let mut next = if leaving.is_some() { self.program.around(form) } else { Some(form) };
+        let mut next = Some(form);
         while let Some(form) = next {
             next = self.program.around(form);
             let kind = self.program.forms[form as usize].kind;
@@ -125,6 +125,7 @@ impl Machine {
                     }
                 }
                 FormKind::CleanUp { pending } => {
+                    self.top().cleanups.pop();
                     let waiting = self.reg(pending).clone();
                     if waiting.as_failure().is_some() && !is_same_event(&waiting, &failure) {
                         failure = with_also(&waiting, failure);

@@ -1,0 +1,68 @@
+//! The time of clean-ups: they cannot be stopped from outside, so they must end by themselves.
+//!
+//! A clean-up has 60 s of the task clock; one inside of another has what is left of the other's.
+//! The clock moves between rounds, so that is where the time is looked at.
+
+use crate::code::{FormKind, Pc};
+use crate::failure::{Builtin, Failure};
+use crate::native::Raise;
+
+use super::{Machine, Run};
+
+/// Nanoseconds of the task clock that a clean-up has.
+const TIME_NS: u64 = 60_000_000_000;
+
+/// A clean-up that is running.
+pub(super) struct CleanUp {
+    /// Its frame, as a number of frames.
+    depth: usize,
+    /// When its time is over; never, once that has been said.
+    deadline: u64,
+}
+
+impl CleanUp {
+    /// A clean-up that begins `now`, inside of another one or not.
+    pub(super) fn begin(depth: usize, now: u64, outer: Option<&CleanUp>) -> CleanUp {
+        let most = outer.map_or(u64::MAX, |outer| outer.deadline);
+        CleanUp { depth, deadline: now.saturating_add(TIME_NS).min(most) }
+    }
+}
+
+impl Machine {
+    /// Fails in the innermost clean-up whose time is over.
+    pub(super) fn check_cleanups(&mut self) -> Result<(), Raise> {
+        if self.top().cleanups.is_empty() {
+            return Ok(());
+        }
+        // A jump out of clean-up forms (`return`) leaves its entry behind.
+        while self.runs.last().and_then(|run| run.cleanups.last()).is_some_and(|last| !self.is_running(last)) {
+            self.top().cleanups.pop();
+        }
+        let run = self.top();
+        let now = run.now;
+        match run.cleanups.last_mut().filter(|last| last.deadline <= now) {
+            Some(last) => {
+                last.deadline = u64::MAX;
+                let message = "the clean-up forms have not ended after 60 s of the task clock";
+                Err(Box::new(Failure::new(Builtin::CleanUpTimeout, message)))
+            }
+            None => Ok(()),
+        }
+    }
+
+    fn is_running(&self, cleanup: &CleanUp) -> bool {
+        let run = &self.runs[self.runs.len() - 1];
+        let pc = if cleanup.depth == run.frames.len() { Some(run.pc) } else { run.pc_of(cleanup.depth) };
+        let Some(at) = pc.and_then(|pc| pc.checked_sub(1)).map(Pc) else { return false };
+        let Some(function) = self.program.function_at(at) else { return false };
+        let mut forms = self.program.forms_outward(self.program.form_at(function, at));
+        forms.any(|(_, form)| matches!(form.kind, FormKind::CleanUp { .. }))
+    }
+}
+
+impl Run {
+    /// The program counter of the frame with so many frames below it.
+    fn pc_of(&self, depth: usize) -> Option<u32> {
+        self.frames.get(depth).map(|frame| frame.pc)
+    }
+}
