@@ -1,0 +1,532 @@
+//! The machine: runs programs, and grows their trees.
+//!
+//! A run works in *rounds*: it goes on until it has used its quantum of fuel, asks the outside
+//! for something, or ends. Between two rounds the clock moves and answers from outside enter;
+//! nothing else changes a run from outside, so its log replays to the same tree.
+//!
+//! [`hot`] is the loop; [`call`] what calls need beyond a frame; [`drive`] calls that take
+//! several steps (goals, grounding, edits); [`unwind`] how failures find their handlers.
+//!
+//! Invariants
+//! 1. No Rust function waits for a plan: natives say what they want ([`crate::native::Next`]).
+//! 2. The machine can stop between any two instructions that cost fuel.
+//! 3. A record is ended by whoever started it: the frame of its plan, or a [`drive::Driver`].
+
+mod call;
+mod cleanup;
+mod drive;
+mod edits;
+mod hot;
+mod obligation;
+mod unwind;
+
+use std::rc::Rc;
+
+use rustc_hash::FxHashMap;
+use serde_json::Value as Json;
+
+use crate::code::{FnId, Pc, Program};
+use crate::failure::{Builtin, Failure};
+use crate::host::{Host, Request};
+use crate::key::{Chain, Key, Step};
+use crate::limits::{Grants, Limits};
+use crate::log::{Entry, Log};
+use crate::native::Raise;
+use crate::op::Op;
+use crate::tree::{RecId, Status, Tree};
+use crate::value::{Value, live};
+
+pub use call::takes;
+use drive::Driver;
+
+/// Units of fuel in a round: part of the language, for the clock moves by rounds.
+pub const QUANTUM: u64 = 1000;
+/// By how much a round that used up its quantum moves the clock, in nanoseconds.
+const QUANTUM_NS: u64 = 1_000_000;
+/// Fuel for clean-ups after the run has used up its own.
+const LAST_FUEL: u64 = 1_000_000;
+/// Where a driver's frame goes on; see [`Op::Resume`].
+const RESUME: u32 = 0;
+
+/// How a call ended: with a value, or with a failure.
+pub type Outcome = Result<Value, Value>;
+
+/// How far a run has come.
+#[derive(Debug, Clone)]
+pub enum Progress {
+    /// The call has ended.
+    Ended(Outcome),
+    /// The step that was to be reached has been reached.
+    Stopped,
+}
+
+/// The node that a frame works for: a record, or a memo of a record and the way to the frame.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct Here(u32);
+
+/// Tells memos from records.
+const MEMO: u32 = 1 << 31;
+
+/// Where a call goes back to; 16 bytes.
+#[derive(Debug, Clone, Copy)]
+struct Frame {
+    pc: u32,
+    base: u32,
+    here: Here,
+    /// The register that takes the value.
+    dst: u8,
+}
+
+const _: () = assert!(size_of::<Frame>() == 16);
+
+/// How often the calls of a record have been reached with the same key.
+#[derive(Debug, Default)]
+struct Occurrences {
+    counts: FxHashMap<Key, u32>,
+    /// The keys in the order of counting, so that `retry` can take them back.
+    journal: Vec<Key>,
+}
+
+/// A tree being grown: one task and its clock.
+struct Run {
+    stack: Vec<Value>,
+    frames: Vec<Frame>,
+    drivers: Vec<Driver>,
+    pc: u32,
+    base: u32,
+    here: Here,
+    tree: Tree,
+    /// The task clock, in nanoseconds.
+    now: u64,
+    memos: Vec<(RecId, Chain)>,
+    memo_index: FxHashMap<(RecId, Chain), u32>,
+    occurrences: FxHashMap<RecId, Occurrences>,
+    draws: FxHashMap<RecId, u64>,
+    /// Memory for walks over frames.
+    levels: Vec<(Option<crate::code::SiteId>, u32)>,
+    /// The edit that each piece of inserted code belongs to.
+    edit_of: FxHashMap<FnId, u32>,
+    /// What is owed, in the order of its making.
+    obligations: Vec<obligation::Obligation>,
+    /// Clean-ups that are running, innermost last.
+    cleanups: Vec<cleanup::CleanUp>,
+    /// Handlers of obligations that are running.
+    handling: Vec<obligation::Handling>,
+    /// The form that the failure on its way is leaving: handlers inside of it have seen it.
+    leaving: Option<u32>,
+    /// All plan calls take the long way, which tells the host of them.
+    traced: bool,
+    /// The register of the run below that takes the tree.
+    deliver: usize,
+}
+
+impl Run {
+    fn new(mut tree: Tree, traced: bool) -> Run {
+        let root = tree.begin();
+        let edit_of: FxHashMap<FnId, u32> = (1..).zip(&tree.edits).filter_map(|(id, edit)| Some((edit.code?, id))).collect();
+        for id in 1..=tree.edits.len() as u32 {
+            tree.keys.then(Chain::EMPTY, Step::Edit(id), |_| 0);
+        }
+        Run {
+            stack: vec![Value::NIL; 1024],
+            frames: Vec::new(),
+            drivers: Vec::new(),
+            pc: 0,
+            base: 0,
+            here: Here(root.0),
+            tree,
+            now: 0,
+            memos: Vec::new(),
+            memo_index: FxHashMap::default(),
+            occurrences: FxHashMap::default(),
+            draws: FxHashMap::default(),
+            levels: Vec::new(),
+            edit_of,
+            obligations: Vec::new(),
+            handling: Vec::new(),
+            cleanups: Vec::new(),
+            leaving: None,
+            traced,
+            deliver: 0,
+        }
+    }
+
+    /// The record that the running frame works for.
+    #[inline(always)]
+    fn record(&self, here: Here) -> RecId {
+        if here.0 & MEMO == 0 { RecId(here.0) } else { self.memos[(here.0 & !MEMO) as usize].0 }
+    }
+
+    fn register(&mut self, register: u8) -> &mut Value {
+        &mut self.stack[self.base as usize + register as usize]
+    }
+
+    fn bytes(&self) -> usize {
+        self.stack.len() * size_of::<Value>() + self.frames.len() * size_of::<Frame>() + self.tree.bytes()
+    }
+}
+
+/// What made the loop stop.
+enum Exit {
+    /// The outermost function returned.
+    Done(Value),
+    /// A failure left the outermost function.
+    Failed(Value),
+    /// The fuel for this stretch is used up.
+    Fuel,
+    /// A native asks the outside; the answer goes to this position of the stack.
+    Ask(Request, usize),
+}
+
+/// A program, what it may use, and its run.
+pub struct Machine {
+    /// The code. It only grows.
+    pub program: Program,
+    /// What the run may use.
+    pub limits: Limits,
+    /// What the run may do.
+    pub grants: Grants,
+    /// Key of all random draws.
+    pub seed: u64,
+    /// What came from outside.
+    pub log: Log,
+    globals: Vec<Value>,
+    runs: Vec<Run>,
+    /// Fuel used so far.
+    steps: u64,
+    /// Fuel used in the current round.
+    in_round: u64,
+    round: u64,
+    printed: usize,
+    /// How many fresh names have been made.
+    fresh: u64,
+    /// The fuel limit has been met: only clean-ups run.
+    last_fuel: bool,
+}
+
+impl Machine {
+    /// A machine without code, about to grow a tree from its root.
+    #[must_use]
+    pub fn new(limits: Limits, grants: Grants, seed: u64) -> Machine {
+        let mut program = Program::default();
+        program.code.push(Op::Resume);
+        program.places.push(crate::code::Place::default());
+        program.sites.push(call::root_site());
+        Machine {
+            program,
+            limits,
+            grants,
+            seed,
+            log: Log::default(),
+            globals: Vec::new(),
+            runs: vec![Run::new(Tree::default(), false)],
+            steps: 0,
+            in_round: 0,
+            round: 0,
+            printed: 0,
+            fresh: 0,
+            last_fuel: false,
+        }
+    }
+
+    /// Tell the host of every start and end.
+    pub fn trace(&mut self) {
+        self.runs.iter_mut().for_each(|run| run.traced = true);
+    }
+
+    /// Prepares a call of `function` as the root of the run. [`Machine::go`] runs it.
+    pub fn start(&mut self, function: FnId, args: Vec<Value>) {
+        let entry = self.program.functions[function.at()].entry.0;
+        self.globals.resize(self.program.globals.len(), Value::UNSET);
+        self.last_fuel = false;
+        let run = self.bottom();
+        run.frames.clear();
+        run.drivers.clear();
+        run.obligations.clear();
+        run.handling.clear();
+        run.cleanups.clear();
+        (run.pc, run.base, run.here) = (entry, 0, Here(1));
+        for (register, arg) in run.stack.iter_mut().zip(args) {
+            *register = arg;
+        }
+    }
+
+    /// Begins another run in the same tree: with `keep` its places and edits stay, else only the
+    /// memory. The clock starts again.
+    pub fn restart(&mut self, keep: bool) {
+        let run = self.bottom();
+        let traced = run.traced;
+        let mut tree = std::mem::take(&mut run.tree);
+        if !keep {
+            tree.forget();
+        }
+        *run = Run::new(tree, traced);
+    }
+
+    /// Bytes of registers and frames in use.
+    #[must_use]
+    pub fn frame_bytes(&self) -> usize {
+        self.runs.iter().map(|run| run.base as usize * size_of::<Value>() + run.frames.len() * size_of::<Frame>()).sum()
+    }
+
+    fn bottom(&mut self) -> &mut Run {
+        self.runs.truncate(1);
+        &mut self.runs[0]
+    }
+
+    /// Goes on until the call that was started ends, or until `stop` units of fuel are used.
+    pub fn go(&mut self, host: &mut dyn Host, stop: Option<u64>) -> Progress {
+        loop {
+            if stop.is_some_and(|stop| self.steps >= stop) {
+                return Progress::Stopped;
+            }
+            let limit = self.limits.fuel.saturating_add(if self.last_fuel { LAST_FUEL } else { 0 });
+            let until = limit.min(stop.unwrap_or(limit)).min(self.steps + QUANTUM - self.in_round);
+            let given = until.saturating_sub(self.steps);
+            let mut left = given;
+            let exit = self.run_for(host, &mut left);
+            self.steps += given - left;
+            self.in_round += given - left;
+            let ended = match exit {
+                Exit::Done(value) => self.end_run(Ok(value)),
+                Exit::Failed(failure) => self.end_run(Err(failure)),
+                Exit::Ask(request, register) => self.ask(host, &request, register),
+                Exit::Fuel if self.steps >= limit => self.out_of_fuel(host),
+                Exit::Fuel if self.in_round >= QUANTUM => {
+                    self.end_round(QUANTUM_NS);
+                    let checked = self.check_memory().and_then(|()| self.check_cleanups());
+                    checked.err().and_then(|raise| self.inject(host, raise))
+                }
+                Exit::Fuel => None,
+            };
+            if let Some(outcome) = ended {
+                return Progress::Ended(outcome);
+            }
+        }
+    }
+
+    /// Raises a failure between two instructions. Answers the outcome if nothing takes it.
+    fn inject(&mut self, host: &mut dyn Host, raise: Raise) -> Option<Outcome> {
+        match self.unwind(host, raise)? {
+            Exit::Failed(failure) => self.end_run(Err(failure)),
+            _ => None,
+        }
+    }
+
+    /// The first time a failure, with some fuel left for clean-ups; then the end.
+    fn out_of_fuel(&mut self, host: &mut dyn Host) -> Option<Outcome> {
+        if self.last_fuel {
+            let failure = Failure::new(Builtin::FuelExhausted, "clean-up used up its fuel as well");
+            return Some(Err(self.abandon(failure)));
+        }
+        self.last_fuel = true;
+        let message = format!("the run used up its fuel of {} calls and backward jumps", self.limits.fuel);
+        let fields = vec![("message", Value::str(message)), ("limit", Value::int(self.limits.fuel as i64))];
+        self.inject(host, Box::new(Failure::with(Builtin::FuelExhausted, fields)))
+    }
+
+    fn end_round(&mut self, ns: u64) {
+        self.in_round = 0;
+        self.round += 1;
+        self.top().now += ns;
+    }
+
+    fn top(&mut self) -> &mut Run {
+        self.runs.last_mut().expect("a machine has a run")
+    }
+
+    /// An inner run hands its tree to the run below; the end of the outermost is the outcome.
+    fn end_run(&mut self, outcome: Outcome) -> Option<Outcome> {
+        if let Err(failure) = &outcome {
+            crate::failure::name_tasks(&self.top().tree, failure);
+        }
+        if self.runs.len() == 1 {
+            return Some(outcome);
+        }
+        let mut inner = self.runs.pop()?;
+        let (status, value) = match outcome {
+            Ok(value) => (Status::Succeeded, value),
+            Err(failure) => (Status::Failed, failure),
+        };
+        inner.tree.end(RecId(1), status, value, inner.now);
+        let tree = Value::new(crate::value::Obj::Tree(Rc::new(inner.tree)));
+        self.top().stack[inner.deliver] = tree;
+        None
+    }
+
+    /// Ends the run without another instruction.
+    fn abandon(&mut self, failure: Failure) -> Value {
+        let failure = Value::failure(failure);
+        let run = self.bottom();
+        let open: Vec<RecId> = run.tree.records().skip(1).filter(|rec| !run.tree.record(*rec).status.is_final()).collect();
+        for rec in open {
+            run.tree.end(rec, Status::Failed, failure.clone(), run.now);
+        }
+        run.frames.clear();
+        run.drivers.clear();
+        failure
+    }
+
+    /// Answers a request from the log or from the host, between two rounds.
+    fn ask(&mut self, host: &mut dyn Host, request: &Request, register: usize) -> Option<Outcome> {
+        self.end_round(0);
+        let words = request.describe();
+        let entry = match self.log.replay(self.round, &words) {
+            Ok(Some(entry)) => entry,
+            Ok(None) => {
+                let answer = host.answer(request);
+                let (round, step, clock) = (self.round, self.steps, self.top().now);
+                let entry = Entry { round, step, clock, request: words, answer };
+                self.log.add(entry.clone());
+                entry
+            }
+            Err(differs) => return self.inject(host, Box::new(Failure::new(Builtin::ProgramError, differs))),
+        };
+        match entry.answer {
+            Ok(answer) => {
+                self.top().stack[register] = from_json(&answer);
+                None
+            }
+            Err(why) => {
+                let path = match request {
+                    Request::ReadFile(path) | Request::WriteFile { path, .. } => Value::str(path.as_str()),
+                    Request::Clock => Value::NIL,
+                };
+                let fields = vec![("message", Value::str(why)), ("path", path)];
+                self.inject(host, Box::new(Failure::with(Builtin::FileFailure, fields)))
+            }
+        }
+    }
+
+    fn check_memory(&self) -> Result<(), Raise> {
+        let bytes = live::bytes() + self.runs.iter().map(Run::bytes).sum::<usize>();
+        if bytes > self.limits.memory {
+            return Err(self.over(Builtin::MemoryExhausted, "the run takes more than", self.limits.memory, "bytes"));
+        }
+        let nodes: usize = self.runs.iter().map(|run| run.tree.len()).sum();
+        if nodes > self.limits.nodes {
+            return Err(self.over(Builtin::TreeTooLarge, "the tree has more than", self.limits.nodes, "nodes"));
+        }
+        Ok(())
+    }
+
+    fn over(&self, kind: Builtin, what: &str, limit: usize, unit: &str) -> Raise {
+        let fields = vec![("message", Value::str(format!("{what} {limit} {unit}"))), ("limit", Value::int(limit as i64))];
+        Box::new(Failure::with(kind, fields))
+    }
+
+    /// Makes the root's record final: the run is over.
+    pub fn finish(&mut self, outcome: &Outcome) {
+        let run = self.bottom();
+        if run.tree.record(RecId(1)).status.is_final() {
+            return;
+        }
+        match outcome {
+            Ok(value) => run.tree.end(RecId(1), Status::Succeeded, value.clone(), run.now),
+            Err(failure) => run.tree.end(RecId(1), Status::Failed, failure.clone(), run.now),
+        }
+    }
+
+    /// The tree of the run.
+    #[must_use]
+    pub fn tree(&self) -> &Tree {
+        &self.runs[0].tree
+    }
+    /// The task clock, in nanoseconds.
+    #[must_use]
+    pub fn now(&self) -> u64 {
+        self.runs[0].now
+    }
+    /// Units of fuel used: calls and backward jumps.
+    #[must_use]
+    pub fn steps(&self) -> u64 {
+        self.steps
+    }
+    /// The value of a top-level constant, if it has been computed.
+    #[must_use]
+    pub fn global(&self, id: crate::code::GlobalId) -> Option<&Value> {
+        self.globals.get(id.at()).filter(|value| !value.is_unset())
+    }
+    /// Where the run stands: the places of its frames, innermost first, at most `most`.
+    #[must_use]
+    pub fn backtrace(&self, most: usize) -> Vec<(FnId, Pc)> {
+        let Some(run) = self.runs.last() else { return Vec::new() };
+        let pcs = std::iter::once(run.pc).chain(run.frames.iter().rev().map(|frame| frame.pc));
+        let calls = pcs.filter(|pc| *pc != RESUME).map(|pc| Pc(pc.saturating_sub(1)));
+        calls.filter_map(|pc| Some((self.program.function_at(pc)?, pc))).take(most).collect()
+    }
+}
+
+/// What natives may use.
+pub struct Ctx<'a> {
+    /// The program: names of functions, types of failures.
+    pub program: &'a Program,
+    tree: &'a Tree,
+    rec: RecId,
+    draws: &'a mut FxHashMap<RecId, u64>,
+    seed: u64,
+    now: u64,
+    printed: &'a mut usize,
+    fresh: &'a mut u64,
+    output_limit: usize,
+    host: &'a mut dyn Host,
+}
+
+impl Ctx<'_> {
+    /// Prints text as it is.
+    ///
+    /// # Errors
+    /// `output-too-large` if the run has printed more than its limit.
+    pub fn print(&mut self, text: &str) -> Result<(), Raise> {
+        *self.printed += text.len();
+        if *self.printed > self.output_limit {
+            let message = format!("the program printed more than {} bytes", self.output_limit);
+            let fields = vec![("message", Value::str(message)), ("limit", Value::int(self.output_limit as i64))];
+            return Err(Box::new(Failure::with(Builtin::OutputTooLarge, fields)));
+        }
+        self.host.print(text);
+        Ok(())
+    }
+    /// The next random number of the running task.
+    pub fn draw(&mut self) -> u64 {
+        let n = self.draws.entry(self.rec).or_insert(0);
+        let record = self.tree.record(self.rec);
+        let number = crate::random::draw(self.seed, self.tree.slot(record.slot).hash, record.attempt, *n);
+        *n += 1;
+        number
+    }
+    /// A name that no program uses.
+    pub fn fresh(&mut self, stem: &str) -> crate::value::Symbol {
+        *self.fresh += 1;
+        crate::value::Symbol::from(&format!("{stem}%{}", self.fresh))
+    }
+    /// Seconds of the task clock.
+    #[must_use]
+    pub fn now_s(&self) -> f64 {
+        self.now as f64 / 1e9
+    }
+    /// The text of a value, with the names of functions.
+    #[must_use]
+    pub fn text(&self, value: &Value, readable: bool) -> String {
+        crate::print::Printer::new(Some(self.program), readable, crate::print::LIMIT).text(value)
+    }
+    /// The tree of the run so far.
+    #[must_use]
+    pub fn tree(&self) -> &Tree {
+        self.tree
+    }
+}
+
+/// An answer from outside as a value.
+fn from_json(json: &Json) -> Value {
+    match json {
+        Json::Null => Value::NIL,
+        Json::Bool(b) => Value::bool(*b),
+        Json::Number(n) => n.as_i64().map_or_else(|| Value::float(n.as_f64().unwrap_or(f64::NAN)), Value::int),
+        Json::String(text) => Value::str(text.as_str()),
+        Json::Array(items) => Value::list(items.iter().map(from_json).collect::<Vec<_>>()),
+        Json::Object(map) => {
+            Value::map(map.iter().map(|(key, value)| (Value::keyword(key), from_json(value))).collect())
+        }
+    }
+}
