@@ -35,12 +35,18 @@ pub fn to_value(form: &Form, places: &mut Places) -> Value {
         FormKind::Int(i) => return Value::int(*i),
         FormKind::Float(f) => return Value::float(*f),
         FormKind::Str(text) => return Value::str(text.clone()),
-        FormKind::List(items) => Value::list(items.iter().map(|item| to_value(item, places)).collect::<Vec<_>>()),
-        FormKind::Vector(items) => Value::vector(items.iter().map(|item| to_value(item, places)).collect::<Vec<_>>()),
-        FormKind::Map(pairs) => {
-            Value::map(pairs.iter().map(|(key, value)| (to_value(key, places), to_value(value, places))).collect())
+        FormKind::List(items) => {
+            Value::list(items.iter().map(|item| to_value(item, places)).collect::<Vec<_>>())
         }
-        FormKind::Prefixed(prefix, inner) => Value::list([Value::symbol(prefix.name()), to_value(inner, places)]),
+        FormKind::Vector(items) => {
+            Value::vector(items.iter().map(|item| to_value(item, places)).collect::<Vec<_>>())
+        }
+        FormKind::Map(pairs) => Value::map(
+            pairs.iter().map(|(key, value)| (to_value(key, places), to_value(value, places))).collect(),
+        ),
+        FormKind::Prefixed(prefix, inner) => {
+            Value::list([Value::symbol(prefix.name()), to_value(inner, places)])
+        }
     };
     places.note(&value, form.span);
     value
@@ -79,7 +85,13 @@ pub fn to_form(value: &Value, span: Span, places: &Places) -> Result<Form, NoFor
     form_of(value, span, places, 0, &mut parts)
 }
 
-fn form_of(value: &Value, span: Span, places: &Places, depth: usize, parts: &mut usize) -> Result<Form, NoForm> {
+fn form_of(
+    value: &Value,
+    span: Span,
+    places: &Places,
+    depth: usize,
+    parts: &mut usize,
+) -> Result<Form, NoForm> {
     *parts += 1;
     if depth > MOST_NESTED || *parts > MOST_PARTS {
         return Err(NoForm::TooLarge);
@@ -120,7 +132,9 @@ fn form_of(value: &Value, span: Span, places: &Places, depth: usize, parts: &mut
 fn prefix_of(items: &[Value]) -> Option<Prefix> {
     let [head, _] = items else { return None };
     let head = head.as_symbol()?;
-    [Prefix::Quote, Prefix::Quasi, Prefix::Unquote, Prefix::Splice].into_iter().find(|prefix| head == prefix.name())
+    [Prefix::Quote, Prefix::Quasi, Prefix::Unquote, Prefix::Splice]
+        .into_iter()
+        .find(|prefix| head == prefix.name())
 }
 
 /// Values that print as a form that makes them: that form.
@@ -136,7 +150,9 @@ fn reread(value: &Value, span: Span) -> Result<Form, NoForm> {
 pub fn move_to(form: &mut Form, span: Span) {
     form.span = span;
     match &mut form.kind {
-        FormKind::List(items) | FormKind::Vector(items) => items.iter_mut().for_each(|item| move_to(item, span)),
+        FormKind::List(items) | FormKind::Vector(items) => {
+            items.iter_mut().for_each(|item| move_to(item, span))
+        }
         FormKind::Map(pairs) => pairs.iter_mut().for_each(|(key, value)| {
             move_to(key, span);
             move_to(value, span);

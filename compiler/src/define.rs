@@ -22,7 +22,15 @@ pub struct Loaded {
 
 /// The heads of definitions.
 const DEFINITIONS: &[&str] = &[
-    "def-fun", "def-plan", "def-const", "def-macro", "def-failure", "def-native", "def-open-fun", "extend", "def-test",
+    "def-fun",
+    "def-plan",
+    "def-const",
+    "def-macro",
+    "def-failure",
+    "def-native",
+    "def-open-fun",
+    "extend",
+    "def-test",
 ];
 
 /// A top-level form that does something when the file is loaded.
@@ -126,13 +134,20 @@ impl Compiler<'_> {
         let (mut prefix, mut only) = (None, None);
         for pair in items[1 + names.len()..].chunks(2) {
             match pair {
-                [Form { kind: FormKind::Keyword(key), .. }, value] if *key == "as" && value.symbol().is_some() => {
+                [Form { kind: FormKind::Keyword(key), .. }, value]
+                    if *key == "as" && value.symbol().is_some() =>
+                {
                     prefix = value.symbol();
                 }
-                [Form { kind: FormKind::Keyword(key), .. }, value] if *key == "only" && value.list().is_some() => {
+                [Form { kind: FormKind::Keyword(key), .. }, value]
+                    if *key == "only" && value.list().is_some() =>
+                {
                     only = value.list().map(|names| names.iter().filter_map(Form::symbol).collect());
                 }
-                _ => self.misshapen_top(form, "takes `:as prefix` and `:only (names…)` after the names of modules"),
+                _ => self.misshapen_top(
+                    form,
+                    "takes `:as prefix` and `:only (names…)` after the names of modules",
+                ),
             }
         }
         let mut init = Vec::new();
@@ -244,7 +259,14 @@ impl Compiler<'_> {
     }
 
     /// Adds a definition, or says that there is one. True if it holds now.
-    fn define(&mut self, work: &Text, name: Symbol, meaning: Meaning, doc: Option<Box<str>>, form: &Form) -> bool {
+    fn define(
+        &mut self,
+        work: &Text,
+        name: Symbol,
+        meaning: Meaning,
+        doc: Option<Box<str>>,
+        form: &Form,
+    ) -> bool {
         let span = form.list().and_then(|items| items.get(1)).map_or(form.span, |name| name.span);
         let known = self.modules.get(work.module).names.get(&name);
         if let Some(known) = known.filter(|_| !work.again) {
@@ -298,7 +320,8 @@ impl Compiler<'_> {
         };
         // Defined again in a REPL: those who read it read the new value.
         let known = self.modules.get(work.module).names.get(&name).map(|known| known.meaning.clone());
-        let known = known.and_then(|meaning| if let Meaning::Const(global) = meaning { Some(global) } else { None });
+        let known =
+            known.and_then(|meaning| if let Meaning::Const(global) = meaning { Some(global) } else { None });
         let global = known.filter(|_| work.again).unwrap_or(GlobalId(self.program.globals.len() as u32));
         if self.define(work, name, Meaning::Const(global), doc, form) {
             if global.at() == self.program.globals.len() {
@@ -361,7 +384,8 @@ impl Compiler<'_> {
         let (doc, body) = split_doc(rest);
         let id = self.declare(name, FnKind::TopLevel, work.module);
         if self.define(work, name, Meaning::Test(id), doc, form) {
-            let (module, kind, params, span) = (work.module, FnKind::TopLevel, ParamForms::default(), form.span);
+            let (module, kind, params, span) =
+                (work.module, FnKind::TopLevel, ParamForms::default(), form.span);
             self.pending.insert(id, Pending { module, name, kind, params, body: body.to_vec(), span });
             work.functions.push(id);
         }
@@ -377,7 +401,10 @@ impl Compiler<'_> {
         let doc = match doc {
             [Form { kind: FormKind::Str(doc), .. }] => Some(doc.clone()),
             [] => None,
-            _ => return self.misshapen_top(form, "takes parameters and a text; clauses are added with `extend`"),
+            _ => {
+                return self
+                    .misshapen_top(form, "takes parameters and a text; clauses are added with `extend`");
+            }
         };
         let id = self.declare(name, FnKind::Function, work.module);
         if self.define(work, name, Meaning::Open(id, params.clone()), doc, form) {
@@ -395,10 +422,18 @@ impl Compiler<'_> {
         };
         let span = form.list().map_or(form.span, |items| items[1].span);
         let (open, wanted) = match self.modules.look_up(work.module, name) {
-            crate::module::Found::One(Definition { meaning: Meaning::Open(open, wanted), .. }) => (open, wanted),
+            crate::module::Found::One(Definition { meaning: Meaning::Open(open, wanted), .. }) => {
+                (open, wanted)
+            }
             crate::module::Found::One(definition) => {
                 let (is, wanted) = (definition.meaning.words().into(), "an open function".into());
-                return self.error(CompileError::WrongKind { name: name.to_string(), is, wanted, at: span, help: None });
+                return self.error(CompileError::WrongKind {
+                    name: name.to_string(),
+                    is,
+                    wanted,
+                    at: span,
+                    help: None,
+                });
             }
             _ => {
                 let help = Some(format!("declare it: (def-open-fun {name} (…))"));

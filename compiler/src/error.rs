@@ -69,7 +69,10 @@ pub enum CompileError {
 
     /// A name that two used modules define.
     #[error("`{name}` is defined by `{one}` and by `{other}`")]
-    #[diagnostic(code(resolve::ambiguous), help("say which: `{one}/{name}` or `{other}/{name}`, with `(use {one} :as …)`"))]
+    #[diagnostic(
+        code(resolve::ambiguous),
+        help("say which: `{one}/{name}` or `{other}/{name}`, with `(use {one} :as …)`")
+    )]
     Ambiguous {
         /// The name.
         name: String,
@@ -176,7 +179,10 @@ pub enum CompileError {
 
     /// A list whose head cannot be called.
     #[error("{what} cannot be called")]
-    #[diagnostic(code(form::not_callable), help("write `'(…)` for a list as data, or `(list …)` for a list of values"))]
+    #[diagnostic(
+        code(form::not_callable),
+        help("write `'(…)` for a list as data, or `(list …)` for a list of values")
+    )]
     NotCallable {
         /// What stands at the head.
         what: String,
@@ -203,7 +209,10 @@ pub enum CompileError {
 
     /// A definition that is not at the top level.
     #[error("`{form}` stands inside another form")]
-    #[diagnostic(code(form::not_at_top), help("definitions stand at the top level of a file; inside, use `let` and `lambda`"))]
+    #[diagnostic(
+        code(form::not_at_top),
+        help("definitions stand at the top level of a file; inside, use `let` and `lambda`")
+    )]
     NotAtTop {
         /// The form.
         form: String,
@@ -228,7 +237,10 @@ pub enum CompileError {
 
     /// A parameter list that cannot be.
     #[error("{problem}")]
-    #[diagnostic(code(form::parameters), help("parameters are written (a b &optional (c 1) &key (d 2) &rest more)"))]
+    #[diagnostic(
+        code(form::parameters),
+        help("parameters are written (a b &optional (c 1) &key (d 2) &rest more)")
+    )]
     Parameters {
         /// What is wrong.
         problem: String,
@@ -264,7 +276,10 @@ pub enum CompileError {
 
     /// A key that a description has twice.
     #[error("the property `{key}` is given twice")]
-    #[diagnostic(code(desc::duplicate), help("a description has each key at most once; give a list as its value"))]
+    #[diagnostic(
+        code(desc::duplicate),
+        help("a description has each key at most once; give a list as its value")
+    )]
     DescDuplicate {
         /// The key.
         key: String,
@@ -335,7 +350,10 @@ pub enum CompileError {
 
     /// A macro that uses what stands below it.
     #[error("the macro `{name}` uses `{needs}`, which is not defined above")]
-    #[diagnostic(code(expand::not_yet), help("move the definition of `{needs}` above the first use of the macro"))]
+    #[diagnostic(
+        code(expand::not_yet),
+        help("move the definition of `{needs}` above the first use of the macro")
+    )]
     NotYet {
         /// The macro.
         name: String,
@@ -375,7 +393,10 @@ pub enum CompileError {
 
     /// A native that the library does not have.
     #[error("no native is called `{name}`")]
-    #[diagnostic(code(module::native), help("`def-native` declares functions that Rust code of the library provides"))]
+    #[diagnostic(
+        code(module::native),
+        help("`def-native` declares functions that Rust code of the library provides")
+    )]
     NoSuchNative {
         /// The name.
         name: String,

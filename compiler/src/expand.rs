@@ -49,7 +49,9 @@ impl Compiler<'_> {
             Ok(value) => value,
             Err(failure) => {
                 match failure.as_failure() {
-                    Some(it) if it.name == "arity-error" && it.place.is_none() => self.arity(name, params, given, at),
+                    Some(it) if it.name == "arity-error" && it.place.is_none() => {
+                        self.arity(name, params, given, at)
+                    }
                     _ => {
                         let why = explain(&failure);
                         self.error(CompileError::MacroFailed { name: name.to_string(), why, at });

@@ -239,7 +239,8 @@ pub(crate) fn placeholder(name: Symbol, kind: FnKind) -> Proto {
 #[must_use]
 pub fn show_params(params: &Params) -> String {
     let mut words = Vec::new();
-    let (required, optional, keys) = (params.required as usize, params.optional as usize, params.keys as usize);
+    let (required, optional, keys) =
+        (params.required as usize, params.optional as usize, params.keys as usize);
     for (at, name) in params.names.iter().enumerate() {
         if at == required && optional > 0 {
             words.push("&optional");
@@ -334,7 +335,8 @@ impl Front {
     }
 
     fn with(&mut self, program: &mut Program, work: impl FnOnce(&mut Compiler<'_>) -> Vec<FnId>) -> Loaded {
-        let mut compiler = Compiler { front: self, program, reports: Vec::new(), expanding: 0, mentioned: Vec::new() };
+        let mut compiler =
+            Compiler { front: self, program, reports: Vec::new(), expanding: 0, mentioned: Vec::new() };
         let init = work(&mut compiler);
         let mut reports = compiler.reports;
         reports.sort_by_key(|report| (report.span().file, report.span().start, report.span().end));

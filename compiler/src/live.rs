@@ -75,7 +75,13 @@ impl Front {
     ///
     /// # Errors
     /// What is wrong with the form, or with its macros.
-    pub fn expand(&mut self, program: &mut Program, module: ModuleId, file: FileId, text: &str) -> Result<Form, Vec<Report>> {
+    pub fn expand(
+        &mut self,
+        program: &mut Program,
+        module: ModuleId,
+        file: FileId,
+        text: &str,
+    ) -> Result<Form, Vec<Report>> {
         let mut result = None;
         let loaded = self.with(program, |compiler| {
             let parsed = grammar::parse(file, text);
@@ -108,7 +114,9 @@ impl Compiler<'_> {
     fn expand_head(&mut self, module: ModuleId, mut form: Form) -> Form {
         self.expanding = 0;
         while let Some(name) = form.head() {
-            let Found::One(Definition { meaning: Meaning::Macro(function, params), .. }) = self.modules.look_up(module, name) else {
+            let Found::One(Definition { meaning: Meaning::Macro(function, params), .. }) =
+                self.modules.look_up(module, name)
+            else {
                 break;
             };
             match self.expand(module, name, function, &params, &form) {
@@ -123,7 +131,8 @@ impl Compiler<'_> {
 
     /// Compiles the callers of functions that have other parameters now, or are plans now.
     pub(crate) fn compile_callers(&mut self, changed: &[FnId]) {
-        let mentions = |(_, references): &(&FnId, &Vec<FnId>)| references.iter().any(|id| changed.contains(id));
+        let mentions =
+            |(_, references): &(&FnId, &Vec<FnId>)| references.iter().any(|id| changed.contains(id));
         let callers: Vec<FnId> = self.references.iter().filter(mentions).map(|(caller, _)| *caller).collect();
         for caller in callers {
             let Some(source) = self.sources.get(&caller).cloned() else { continue };
@@ -135,7 +144,11 @@ impl Compiler<'_> {
             if self.reports[before..].iter().all(Report::is_warning) {
                 continue;
             }
-            let why = self.reports.drain(before..).find(|it| !it.is_warning()).map(|it| it.diagnostic().to_string());
+            let why = self
+                .reports
+                .drain(before..)
+                .find(|it| !it.is_warning())
+                .map(|it| it.diagnostic().to_string());
             self.make_stale(caller, name, &names, kind, span, &why.unwrap_or_default());
         }
     }

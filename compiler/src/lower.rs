@@ -12,7 +12,9 @@ mod control;
 mod test;
 
 use grammar::Span;
-use vm::code::{ConstId, FnId, FnKind, FormKind, FormRange, Function as Proto, Pc, Place, Program, RoundKey, Site};
+use vm::code::{
+    ConstId, FnId, FnKind, FormKind, FormRange, Function as Proto, Pc, Place, Program, RoundKey, Site,
+};
 use vm::op::Op;
 use vm::random::{hash_text, mix};
 use vm::value::{Imm, Symbol, Value};
@@ -138,7 +140,9 @@ impl<'p> Lower<'p> {
             self.vars[var.0 as usize] = self.register();
         }
         for (at, (var, default)) in function.inputs.iter().enumerate() {
-            if at >= function.params.required as usize && !(function.params.rest && at + 1 == function.inputs.len()) {
+            if at >= function.params.required as usize
+                && !(function.params.rest && at + 1 == function.inputs.len())
+            {
                 let register = self.vars[var.0 as usize];
                 let given = self.label();
                 self.jump_to(given, |to| Op::JumpIfSet(register, to));

@@ -211,7 +211,8 @@ pub fn is_private(name: Symbol) -> bool {
 #[must_use]
 pub fn nearest<'a>(name: &str, names: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     let most = (name.chars().count() / 3).clamp(1, 3);
-    let near = names.into_iter().map(|other| (distance(name, other, most), other)).filter(|(d, _)| *d <= most);
+    let near =
+        names.into_iter().map(|other| (distance(name, other, most), other)).filter(|(d, _)| *d <= most);
     near.min_by_key(|(distance, other)| (*distance, *other)).map(|(_, other)| other)
 }
 

@@ -27,7 +27,11 @@ fn overflow(sign: &str, a: i64, b: i64) -> Raise {
 /// A float as a result: nan comes out of nan only.
 fn float(result: f64, sign: &str, a: f64, b: f64) -> Result<Value, Raise> {
     if result.is_nan() && !a.is_nan() && !b.is_nan() {
-        return Err(arithmetic_error(format!("({sign} {} {}) is no number", crate::print::float(a), crate::print::float(b))));
+        return Err(arithmetic_error(format!(
+            "({sign} {} {}) is no number",
+            crate::print::float(a),
+            crate::print::float(b)
+        )));
     }
     Ok(Value::float(result))
 }
@@ -68,7 +72,9 @@ pub fn div(a: &Value, b: &Value) -> Result<Value, Raise> {
             Some(0) => Ok(Value::int(a / b)),
             Some(_) => Ok(Value::float(a as f64 / b as f64)),
         },
-        Pair::Floats(a, 0.0) => Err(arithmetic_error(format!("(/ {} 0) divides by zero", crate::print::float(a)))),
+        Pair::Floats(a, 0.0) => {
+            Err(arithmetic_error(format!("(/ {} 0) divides by zero", crate::print::float(a))))
+        }
         Pair::Floats(a, b) => float(a / b, "/", a, b),
     }
 }
@@ -102,7 +108,10 @@ pub fn int_with_float(int: i64, float: f64) -> Option<Ordering> {
         return Some(Ordering::Greater);
     }
     let whole = float.trunc();
-    Some(int.cmp(&(whole as i64)).then_with(|| if whole == float { Ordering::Equal } else { whole.total_cmp(&float) }))
+    Some(
+        int.cmp(&(whole as i64))
+            .then_with(|| if whole == float { Ordering::Equal } else { whole.total_cmp(&float) }),
+    )
 }
 
 /// a < b

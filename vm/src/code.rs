@@ -257,7 +257,8 @@ impl Program {
     pub fn form_at(&self, function: FnId, pc: Pc) -> u32 {
         let range = &self.functions[function.at()].forms;
         let forms = &self.forms[range.start as usize..range.end as usize];
-        let mut form = (forms.partition_point(|form| form.start <= pc) as u32 + range.start).saturating_sub(1);
+        let mut form =
+            (forms.partition_point(|form| form.start <= pc) as u32 + range.start).saturating_sub(1);
         while self.forms[form as usize].end <= pc && self.forms[form as usize].parent != form {
             form = self.forms[form as usize].parent;
         }

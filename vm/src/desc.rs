@@ -104,7 +104,9 @@ pub fn matches(mode: Match, pattern: &Value, value: &Value, limit: usize) -> Opt
                 None => drop(bindings.insert(key, value)),
             }
         } else if let (Some(open), Some(other)) = (pattern.as_desc(), value.as_desc()) {
-            if open.kind != other.kind || (mode == Match::Closed && open.properties.len() != other.properties.len()) {
+            if open.kind != other.kind
+                || (mode == Match::Closed && open.properties.len() != other.properties.len())
+            {
                 return None;
             }
             for (key, part) in open.properties() {

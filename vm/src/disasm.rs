@@ -11,10 +11,12 @@ use crate::print;
 pub fn function(program: &Program, id: FnId) -> String {
     let Some(it) = program.functions.get(id.at()) else { return String::new() };
     let params: Vec<&str> = it.params.names.iter().map(|name| name.as_str()).collect();
-    let mut out = format!("{} {} ({}) registers={}\n", it.kind.word(), it.name, params.join(" "), it.registers);
+    let mut out =
+        format!("{} {} ({}) registers={}\n", it.kind.word(), it.name, params.join(" "), it.registers);
     for at in it.entry.0..it.end.0 {
         let op = program.code[at as usize];
-        let shown: Vec<String> = op.operands().iter().map(|operand| text(program, it.entry, *operand)).collect();
+        let shown: Vec<String> =
+            op.operands().iter().map(|operand| text(program, it.entry, *operand)).collect();
         let _ = writeln!(out, "  {:>4}  {:<20} {}", at - it.entry.0, op.name(), shown.join(" "));
     }
     for form in &program.forms[it.forms.start as usize..it.forms.end as usize] {
@@ -22,12 +24,21 @@ pub fn function(program: &Program, id: FnId) -> String {
             FormKind::Body | FormKind::Step => continue,
             FormKind::Round(None) => "round".to_string(),
             FormKind::Round(Some(key)) => format!("round {key:?}"),
-            FormKind::Guarded { handler, failure } => format!("guarded, handler {} r{failure}", handler.0 - it.entry.0),
+            FormKind::Guarded { handler, failure } => {
+                format!("guarded, handler {} r{failure}", handler.0 - it.entry.0)
+            }
             FormKind::Clauses { failure } => format!("clauses r{failure}"),
-            FormKind::Protected { cleanup, pending } => format!("protected, clean-up {} r{pending}", cleanup.0 - it.entry.0),
+            FormKind::Protected { cleanup, pending } => {
+                format!("protected, clean-up {} r{pending}", cleanup.0 - it.entry.0)
+            }
             FormKind::CleanUp { pending } => format!("clean-up r{pending}"),
         };
-        let _ = writeln!(out, "  {:>4} – {:<4} {what}", form.start.0 - it.entry.0, form.end.0.saturating_sub(it.entry.0));
+        let _ = writeln!(
+            out,
+            "  {:>4} – {:<4} {what}",
+            form.start.0 - it.entry.0,
+            form.end.0.saturating_sub(it.entry.0)
+        );
     }
     out
 }

@@ -83,7 +83,9 @@ impl Edit {
             }
             What::WithParam(key, value) => format!(" :{key} {}", write(value)),
             What::Defer(after) => format!(" :after {}", list(after)),
-            What::Owe { code, after, name } => format!(" '{} :after {} :as '{name}", write(code), list(after)),
+            What::Owe { code, after, name } => {
+                format!(" '{} :after {} :as '{name}", write(code), list(after))
+            }
         };
         format!("({} {at}{rest})", self.word())
     }

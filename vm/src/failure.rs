@@ -233,7 +233,13 @@ impl FailureTypes {
         self.types.iter()
     }
     /// Adds a type; one of the same name is replaced and keeps its number.
-    pub fn define(&mut self, name: Symbol, parents: Vec<TypeId>, own: Vec<Symbol>, doc: Option<Box<str>>) -> TypeId {
+    pub fn define(
+        &mut self,
+        name: Symbol,
+        parents: Vec<TypeId>,
+        own: Vec<Symbol>,
+        doc: Option<Box<str>>,
+    ) -> TypeId {
         let id = self.find(name).unwrap_or(TypeId(self.types.len() as u32));
         let mut ancestors = vec![id];
         let mut fields = Vec::new();

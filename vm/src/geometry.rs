@@ -36,7 +36,8 @@ impl Pose {
         [place.x, place.y, place.z, turn.i, turn.j, turn.k, turn.w]
     }
     pub(crate) fn total_cmp(&self, other: &Pose) -> Ordering {
-        (self.frame.as_str().cmp(other.frame.as_str())).then_with(|| total_cmp(&self.numbers(), &other.numbers()))
+        (self.frame.as_str().cmp(other.frame.as_str()))
+            .then_with(|| total_cmp(&self.numbers(), &other.numbers()))
     }
 }
 

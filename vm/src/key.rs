@@ -54,7 +54,9 @@ fn is_storable(value: &Value) -> bool {
                 Obj::Str(_) | Obj::Pose(_) | Obj::Vec3(_) | Obj::Path(_) => {}
                 Obj::Pair(first, rest) => todo.extend([first.clone(), rest.clone()]),
                 Obj::Vector(items) => todo.extend(items.iter().take(STORABLE_PARTS).cloned()),
-                Obj::Map(map) => todo.extend(map.iter().take(STORABLE_PARTS).flat_map(|(k, v)| [k.clone(), v.clone()])),
+                Obj::Map(map) => {
+                    todo.extend(map.iter().take(STORABLE_PARTS).flat_map(|(k, v)| [k.clone(), v.clone()]))
+                }
                 Obj::Desc(desc) => todo.extend(desc.values().cloned()),
                 _ => return false,
             },
@@ -301,7 +303,8 @@ mod tests {
     fn equal_elements_are_told_apart_by_rank() {
         let list = Value::list(["a", "b", "a"].map(Value::symbol));
         let ranks = Ranks::new(list.clone());
-        let rests: Vec<Value> = std::iter::successors(Some(list), |it| Some(it.as_pair()?.1.clone())).skip(1).collect();
+        let rests: Vec<Value> =
+            std::iter::successors(Some(list), |it| Some(it.as_pair()?.1.clone())).skip(1).collect();
         let step = |name: &str, rank| Step::Round(Element::Symbol(name.into()), rank);
         assert_eq!(ranks.step(&rests[1]), step("b", 0));
         assert_eq!(ranks.step(&rests[2]), step("a", 1));

@@ -9,31 +9,31 @@
 //! the caller hands these in as a [`host::Host`]. The same program, seed and answers give the
 //! same tree, to the bit.
 
-pub mod value;
+pub mod arith;
 pub mod desc;
-pub mod geometry;
 pub mod failure;
+pub mod geometry;
 pub mod pages;
 pub mod print;
-pub mod arith;
 pub mod random;
+pub mod value;
 
-pub mod op;
 pub mod code;
 pub mod disasm;
+pub mod op;
 pub mod verify;
 
+pub mod edit;
 pub mod key;
 pub mod path;
-pub mod tree;
-pub mod edit;
 pub mod show;
+pub mod tree;
 
 pub mod host;
 pub mod limits;
 pub mod log;
-pub mod native;
 pub mod machine;
+pub mod native;
 
 pub use code::{FnId, Place, Program};
 pub use failure::{Builtin, Failure};

@@ -20,7 +20,13 @@ pub struct Limits {
 impl Default for Limits {
     /// Lets recursion 10^6 deep through, and ends an endless one within seconds and a few GiB.
     fn default() -> Limits {
-        Limits { fuel: 2_000_000_000, depth: 20_000_000, memory: 4 << 30, nodes: 20_000_000, output: 256 << 20 }
+        Limits {
+            fuel: 2_000_000_000,
+            depth: 20_000_000,
+            memory: 4 << 30,
+            nodes: 20_000_000,
+            output: 256 << 20,
+        }
     }
 }
 

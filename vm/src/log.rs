@@ -83,7 +83,13 @@ impl Entry {
             _ => return None,
         };
         let request = line.get("request")?.as_str()?.into();
-        Some(Entry { round: number("round")?, step: number("step")?, clock: number("clock")?, request, answer })
+        Some(Entry {
+            round: number("round")?,
+            step: number("step")?,
+            clock: number("clock")?,
+            request,
+            answer,
+        })
     }
 }
 
@@ -93,7 +99,9 @@ impl Request {
     pub fn describe(&self) -> String {
         match self {
             Request::ReadFile(path) => format!("read {path}"),
-            Request::WriteFile { path, text } => format!("write {path} {:016x}", crate::random::hash_text(text)),
+            Request::WriteFile { path, text } => {
+                format!("write {path} {:016x}", crate::random::hash_text(text))
+            }
             Request::Clock => "clock".into(),
         }
     }

@@ -180,9 +180,13 @@ pub fn map_key(value: &Value) -> Result<Value, Raise> {
             }
             Some(Obj::Pair(first, rest)) => todo.extend([first.clone(), rest.clone()]),
             Some(Obj::Vector(items)) => todo.extend(items.iter().take(KEY_LIMIT).cloned()),
-            Some(Obj::Map(map)) => todo.extend(map.iter().take(KEY_LIMIT).flat_map(|(k, v)| [k.clone(), v.clone()])),
+            Some(Obj::Map(map)) => {
+                todo.extend(map.iter().take(KEY_LIMIT).flat_map(|(k, v)| [k.clone(), v.clone()]))
+            }
             Some(Obj::Desc(desc)) => todo.extend(desc.values().cloned()),
-            Some(Obj::Counter(_) | Obj::Ranks(_) | Obj::Tree(_)) => return Err(type_error("a value that can be a key", value)),
+            Some(Obj::Counter(_) | Obj::Ranks(_) | Obj::Tree(_)) => {
+                return Err(type_error("a value that can be a key", value));
+            }
             _ => {}
         }
     }

@@ -29,17 +29,61 @@ pub enum Operand {
     Failure(TypeId),
 }
 
-impl From<u8> for Operand { fn from(it: u8) -> Self { Operand::Reg(it) } }
-impl From<i16> for Operand { fn from(it: i16) -> Self { Operand::Num(it.into()) } }
-impl From<i32> for Operand { fn from(it: i32) -> Self { Operand::Num(it.into()) } }
-impl From<Count> for Operand { fn from(it: Count) -> Self { Operand::Num(it.0.into()) } }
-impl From<Pc> for Operand { fn from(it: Pc) -> Self { Operand::Target(it) } }
-impl From<ConstId> for Operand { fn from(it: ConstId) -> Self { Operand::Const(it) } }
-impl From<GlobalId> for Operand { fn from(it: GlobalId) -> Self { Operand::Global(it) } }
-impl From<FnId> for Operand { fn from(it: FnId) -> Self { Operand::Function(it) } }
-impl From<NativeId> for Operand { fn from(it: NativeId) -> Self { Operand::Native(it) } }
-impl From<SiteId> for Operand { fn from(it: SiteId) -> Self { Operand::Site(it) } }
-impl From<Kind> for Operand { fn from(it: Kind) -> Self { Operand::Failure(TypeId(it.0.into())) } }
+impl From<u8> for Operand {
+    fn from(it: u8) -> Self {
+        Operand::Reg(it)
+    }
+}
+impl From<i16> for Operand {
+    fn from(it: i16) -> Self {
+        Operand::Num(it.into())
+    }
+}
+impl From<i32> for Operand {
+    fn from(it: i32) -> Self {
+        Operand::Num(it.into())
+    }
+}
+impl From<Count> for Operand {
+    fn from(it: Count) -> Self {
+        Operand::Num(it.0.into())
+    }
+}
+impl From<Pc> for Operand {
+    fn from(it: Pc) -> Self {
+        Operand::Target(it)
+    }
+}
+impl From<ConstId> for Operand {
+    fn from(it: ConstId) -> Self {
+        Operand::Const(it)
+    }
+}
+impl From<GlobalId> for Operand {
+    fn from(it: GlobalId) -> Self {
+        Operand::Global(it)
+    }
+}
+impl From<FnId> for Operand {
+    fn from(it: FnId) -> Self {
+        Operand::Function(it)
+    }
+}
+impl From<NativeId> for Operand {
+    fn from(it: NativeId) -> Self {
+        Operand::Native(it)
+    }
+}
+impl From<SiteId> for Operand {
+    fn from(it: SiteId) -> Self {
+        Operand::Site(it)
+    }
+}
+impl From<Kind> for Operand {
+    fn from(it: Kind) -> Self {
+        Operand::Failure(TypeId(it.0.into()))
+    }
+}
 
 /// A number of registers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -243,6 +287,10 @@ impl Op {
 /// A constant among the first 65,536, for instructions that have more to say.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct ShortConst(pub u16);
-impl From<ShortConst> for Operand { fn from(it: ShortConst) -> Self { Operand::Const(ConstId(it.0.into())) } }
+impl From<ShortConst> for Operand {
+    fn from(it: ShortConst) -> Self {
+        Operand::Const(ConstId(it.0.into()))
+    }
+}
 
 const _: () = assert!(size_of::<Op>() <= 8);

@@ -24,7 +24,8 @@ pub struct PathStep {
 
 impl Ord for Path {
     fn cmp(&self, other: &Path) -> std::cmp::Ordering {
-        let words = |path: &Path| path.steps.iter().map(|step| (step.name.as_str(), step.call)).collect::<Vec<_>>();
+        let words =
+            |path: &Path| path.steps.iter().map(|step| (step.name.as_str(), step.call)).collect::<Vec<_>>();
         words(self).cmp(&words(other))
     }
 }
@@ -62,7 +63,8 @@ impl Path {
         let mut at = slot;
         while at != ROOT && at.0 != 0 {
             let it = tree.slot(at);
-            let same_name = tree.children(it.parent).into_iter().filter(|child| tree.slot(*child).name == it.name);
+            let same_name =
+                tree.children(it.parent).into_iter().filter(|child| tree.slot(*child).name == it.name);
             let before = same_name.take_while(|child| *child != at).count();
             steps.push(PathStep { name: it.name, call: before as u32 + 1 });
             at = it.parent;
@@ -89,7 +91,10 @@ impl Path {
                 let here = Path { steps: self.steps[..depth].to_vec() }.show();
                 match same_name.len() {
                     0 => format!("there is no `{}` in {here}, only {}", step.name, names(tree, &children)),
-                    n => format!("`{}` was called {n} times in {here}, there is no call {}", step.name, step.call),
+                    n => format!(
+                        "`{}` was called {n} times in {here}, there is no call {}",
+                        step.name, step.call
+                    ),
                 }
             })?;
         }

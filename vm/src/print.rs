@@ -104,7 +104,8 @@ impl<'a> Printer<'a> {
             }
             Imm::Function(id) => {
                 let function = self.program.and_then(|program| program.functions.get(id.0 as usize));
-                let text = function.map_or("#<function>".into(), |it| format!("#<{} {}>", it.kind.word(), it.name));
+                let text =
+                    function.map_or("#<function>".into(), |it| format!("#<{} {}>", it.kind.word(), it.name));
                 self.put(&text);
             }
             Imm::Native(id) => {
@@ -163,7 +164,9 @@ impl<'a> Printer<'a> {
     }
 
     fn list(&mut self, value: &Value, depth: usize) {
-        if self.readable && let Some(quoted) = quoted_form(value) {
+        if self.readable
+            && let Some(quoted) = quoted_form(value)
+        {
             self.put("'");
             return self.value(quoted, depth);
         }
@@ -185,7 +188,13 @@ impl<'a> Printer<'a> {
         self.put(")");
     }
 
-    fn sequence<'v>(&mut self, open: &str, items: impl Iterator<Item = &'v Value>, close: &str, depth: usize) {
+    fn sequence<'v>(
+        &mut self,
+        open: &str,
+        items: impl Iterator<Item = &'v Value>,
+        close: &str,
+        depth: usize,
+    ) {
         self.put(open);
         for (i, item) in items.enumerate() {
             if i > 0 {
@@ -261,8 +270,13 @@ fn needs_bars(name: &str) -> bool {
     let odd = |c: char| c.is_whitespace() || c.is_control() || "()[]{}\"';`,|#\\".contains(c);
     let numeric = |name: &str| {
         let digits = name.strip_prefix(['+', '-']).unwrap_or(name);
-        digits.starts_with(|c: char| c.is_ascii_digit()) || digits.strip_prefix('.').is_some_and(|it| it.starts_with(|c: char| c.is_ascii_digit()))
+        digits.starts_with(|c: char| c.is_ascii_digit())
+            || digits.strip_prefix('.').is_some_and(|it| it.starts_with(|c: char| c.is_ascii_digit()))
     };
     let number = numeric(name) && !matches!(name, "1+" | "1-");
-    name.is_empty() || name.contains(odd) || name.starts_with(':') || number || matches!(name, "+inf" | "-inf" | "+nan" | ".")
+    name.is_empty()
+        || name.contains(odd)
+        || name.starts_with(':')
+        || number
+        || matches!(name, "+inf" | "-inf" | "+nan" | ".")
 }

@@ -19,7 +19,9 @@ pub fn mix(mut z: u64) -> u64 {
 /// A number that stands for a text, the same on every machine (FNV-1a, then mixed).
 #[must_use]
 pub fn hash_text(text: &str) -> u64 {
-    mix(text.bytes().fold(0xCBF2_9CE4_8422_2325, |hash, byte| (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01B3)))
+    mix(text
+        .bytes()
+        .fold(0xCBF2_9CE4_8422_2325, |hash, byte| (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01B3)))
 }
 
 /// Draw number `n` of attempt `attempt` at the slot with this hash.

@@ -124,7 +124,8 @@ pub fn text(program: &Program, tree: &Tree, most: usize) -> String {
         out += &format!("{lead}{}\n", line(program, tree, slot, rec));
         let children = tree.children(slot);
         for (i, child) in children.iter().enumerate().rev() {
-            let (branch, below) = if i + 1 == children.len() { ("└─ ", "   ") } else { ("├─ ", "│  ") };
+            let (branch, below) =
+                if i + 1 == children.len() { ("└─ ", "   ") } else { ("├─ ", "│  ") };
             todo.push((*child, format!("{indent}{branch}"), format!("{indent}{below}")));
         }
     }
@@ -155,9 +156,17 @@ pub fn json(program: &Program, tree: &Tree) -> Json {
     Json::Array(nodes)
 }
 
-fn node_json(program: &Program, tree: &Tree, slot: SlotId, rec: RecId, parent: Option<usize>, path: &str) -> Json {
+fn node_json(
+    program: &Program,
+    tree: &Tree,
+    slot: SlotId,
+    rec: RecId,
+    parent: Option<usize>,
+    path: &str,
+) -> Json {
     let record = tree.record(rec);
-    let write = |value: &Value| Json::String(Printer::new(Some(program), true, crate::print::LIMIT).text(value));
+    let write =
+        |value: &Value| Json::String(Printer::new(Some(program), true, crate::print::LIMIT).text(value));
     let mut node = JsonMap::new();
     node.insert("name".into(), json!(tree.slot(slot).name.as_str()));
     node.insert("path".into(), json!(path));
@@ -206,7 +215,8 @@ pub fn failure_json(program: &Program, failure: &Value, depth: usize) -> Json {
     const DEPTH: usize = 20;
     let Some(it) = failure.as_failure().filter(|_| depth < DEPTH) else { return Json::Null };
     let write = |value: &Value| Json::String(brief(program, value, 10_000));
-    let fields: JsonMap<String, Json> = it.fields.iter().map(|(key, value)| (key.to_string(), write(value))).collect();
+    let fields: JsonMap<String, Json> =
+        it.fields.iter().map(|(key, value)| (key.to_string(), write(value))).collect();
     let mut json = json!({"type": it.name.as_str(), "fields": fields});
     if let Some(path) = it.path() {
         json["task"] = json!(path);
@@ -224,7 +234,8 @@ pub fn failure_json(program: &Program, failure: &Value, depth: usize) -> Json {
 #[must_use]
 pub fn trace_start(program: &Program, tree: &Tree, rec: RecId) -> String {
     let record = tree.record(rec);
-    let args: Vec<String> = params(program, tree, rec).iter().map(|(_, value)| brief(program, value, 60)).collect();
+    let args: Vec<String> =
+        params(program, tree, rec).iter().map(|(_, value)| brief(program, value, 60)).collect();
     let path = Path::of(tree, record.slot).show();
     safe(&format!("{:>9} start {path} {}", seconds(record.start), args.join(" "))).trim_end().to_string()
 }

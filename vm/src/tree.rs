@@ -356,14 +356,21 @@ impl Tree {
     pub fn child(&mut self, rec: RecId, key: Key, name: Symbol, site_hash: u64) -> SlotId {
         let record = self.records.get_mut(rec.0);
         let above = record.slot;
-        let expected =
-            if record.cursor.0 == 0 { self.slots.get(above.0).first } else { self.slots.get(record.cursor.0).next };
+        let expected = if record.cursor.0 == 0 {
+            self.slots.get(above.0).first
+        } else {
+            self.slots.get(record.cursor.0).next
+        };
         if expected.0 != 0 && self.slots.get(expected.0).key == key {
             record.cursor = expected;
             return expected;
         }
         let is_new = expected.0 == 0 && above.0 >= self.fresh_from && record.flags & RETRIED == 0;
-        let slot = if is_new { self.append(above, key, name, site_hash) } else { self.find(above, key, name, site_hash) };
+        let slot = if is_new {
+            self.append(above, key, name, site_hash)
+        } else {
+            self.find(above, key, name, site_hash)
+        };
         self.records.get_mut(rec.0).cursor = slot;
         slot
     }
@@ -458,7 +465,18 @@ impl Tree {
         }
         let args = args.len() as u8;
         let status = Status::Running;
-        self.records.push(Record { slot, parent, params, attempt, args, status, flags, kind, start: now, ..Record::default() });
+        self.records.push(Record {
+            slot,
+            parent,
+            params,
+            attempt,
+            args,
+            status,
+            flags,
+            kind,
+            start: now,
+            ..Record::default()
+        });
         rec
     }
 
@@ -590,7 +608,9 @@ impl Tree {
     /// Memory of slots and records, in bytes.
     #[must_use]
     pub fn bytes(&self) -> usize {
-        self.slots.len * size_of::<Slot>() + self.records.len * size_of::<Record>() + self.params.len * size_of::<Value>()
+        self.slots.len * size_of::<Slot>()
+            + self.records.len * size_of::<Record>()
+            + self.params.len * size_of::<Value>()
     }
     /// Two integers that say which tree this is.
     #[must_use]

@@ -163,7 +163,10 @@ impl Value {
         Value::list_onto(items, Value::NIL)
     }
     /// These values in front of the list `rest`.
-    pub fn list_onto(items: impl IntoIterator<Item = Value, IntoIter: DoubleEndedIterator>, rest: Value) -> Value {
+    pub fn list_onto(
+        items: impl IntoIterator<Item = Value, IntoIter: DoubleEndedIterator>,
+        rest: Value,
+    ) -> Value {
         items.into_iter().rev().fold(rest, |rest, first| Value::cons(first, rest))
     }
     /// A vector of these values.
@@ -402,7 +405,9 @@ fn compare_shallow(a: &Value, b: &Value, todo: &mut Vec<(Value, Value)>) -> Orde
             Ordering::Equal => {
                 let names = |it: &Failure| it.fields.iter().map(|field| field.0.as_str()).collect::<Vec<_>>();
                 match names(a).cmp(&names(b)) {
-                    Ordering::Equal => later(&mut a.fields.iter().zip(&b.fields).map(|(f, g)| (f.1.clone(), g.1.clone()))),
+                    Ordering::Equal => {
+                        later(&mut a.fields.iter().zip(&b.fields).map(|(f, g)| (f.1.clone(), g.1.clone())))
+                    }
                     unequal => unequal,
                 }
             }
@@ -429,8 +434,14 @@ fn compare_imm(a: &Imm, b: &Imm) -> Ordering {
         (Imm::Float(a), Imm::Float(b)) => a.total_cmp(b),
         (Imm::Int(a), Imm::Float(b)) => int_before_float(*a, *b),
         (Imm::Float(a), Imm::Int(b)) => int_before_float(*b, *a).reverse(),
-        (Imm::Symbol(a), Imm::Symbol(b)) | (Imm::Keyword(a), Imm::Keyword(b)) | (Imm::Var(a), Imm::Var(b)) => {
-            if a == b { Ordering::Equal } else { a.as_str().cmp(b.as_str()) }
+        (Imm::Symbol(a), Imm::Symbol(b))
+        | (Imm::Keyword(a), Imm::Keyword(b))
+        | (Imm::Var(a), Imm::Var(b)) => {
+            if a == b {
+                Ordering::Equal
+            } else {
+                a.as_str().cmp(b.as_str())
+            }
         }
         (Imm::Function(a), Imm::Function(b)) => a.cmp(b),
         (Imm::Native(a), Imm::Native(b)) => a.cmp(b),
@@ -488,7 +499,9 @@ impl Obj {
             Obj::Str(text) => text.len(),
             Obj::Vector(_) | Obj::Map(_) => 2 * CELL, // most of it is shared with the one it came from
             Obj::Closure(_, captured) => captured.len() * size_of::<Value>(),
-            Obj::Desc(_) | Obj::Failure(_) | Obj::Pose(_) | Obj::Vec3(_) | Obj::Path(_) | Obj::Edit(_) => 4 * CELL,
+            Obj::Desc(_) | Obj::Failure(_) | Obj::Pose(_) | Obj::Vec3(_) | Obj::Path(_) | Obj::Edit(_) => {
+                4 * CELL
+            }
         }
     }
 }

@@ -8,7 +8,9 @@ use crate::op::{Op, Operand};
 /// What is wrong with the code of a function; nothing for code that may run.
 #[must_use]
 pub fn function(program: &Program, id: FnId) -> Vec<String> {
-    let Some(it) = program.functions.get(id.at()) else { return vec![format!("there is no function {}", id.0)] };
+    let Some(it) = program.functions.get(id.at()) else {
+        return vec![format!("there is no function {}", id.0)];
+    };
     let mut problems = Vec::new();
     let inside = |pc: crate::code::Pc| (it.entry..it.end).contains(&pc);
     for at in it.entry.0..it.end.0 {
@@ -34,7 +36,19 @@ pub fn function(program: &Program, id: FnId) -> Vec<String> {
         }
     }
     let last = it.end.0.checked_sub(1).and_then(|at| program.code.get(at as usize));
-    if !matches!(last, Some(Op::Return(_) | Op::ReturnPlan(_) | Op::Jump(_) | Op::Loop(_) | Op::TailCall(..) | Op::TailCallValue(..) | Op::Raise(_) | Op::Fail(..))) {
+    if !matches!(
+        last,
+        Some(
+            Op::Return(_)
+                | Op::ReturnPlan(_)
+                | Op::Jump(_)
+                | Op::Loop(_)
+                | Op::TailCall(..)
+                | Op::TailCallValue(..)
+                | Op::Raise(_)
+                | Op::Fail(..)
+        )
+    ) {
         problems.push(format!("{}: the code runs over its end", it.name));
     }
     if program.code.len() != program.places.len() {

@@ -7,8 +7,13 @@ use vm::value::{Imm, Symbol, Value};
 use super::{Lower, Use};
 use crate::ast::{Callee, Expr, ExprKind, Function};
 
+/// Makes an instruction of one operand.
+type OneOperand = fn(u8, u8) -> Op;
+/// Makes an instruction of two operands.
+type TwoOperands = fn(u8, u8, u8) -> Op;
+
 /// Natives of two arguments that are an instruction. The last flag swaps the arguments.
-const BINARY: &[(&str, fn(u8, u8, u8) -> Op, bool)] = &[
+const BINARY: &[(&str, TwoOperands, bool)] = &[
     ("+", Op::Add, false),
     ("-", Op::Sub, false),
     ("*", Op::Mul, false),
@@ -23,7 +28,7 @@ const BINARY: &[(&str, fn(u8, u8, u8) -> Op, bool)] = &[
 ];
 
 /// Natives of one argument that are an instruction.
-const UNARY: &[(&str, fn(u8, u8) -> Op)] = &[
+const UNARY: &[(&str, OneOperand)] = &[
     ("not", Op::Not),
     ("null?", Op::IsNil),
     ("first", Op::First),
@@ -37,7 +42,13 @@ const BOOLEAN: &[&str] = &["not", "null?", "<", "<=", ">", ">=", "=", "identical
 
 impl Lower<'_> {
     /// Notes a call, made by the next instruction.
-    pub(super) fn site(&mut self, callee: Option<FnId>, name: Symbol, args: usize, value_used: Use) -> SiteId {
+    pub(super) fn site(
+        &mut self,
+        callee: Option<FnId>,
+        name: Symbol,
+        args: usize,
+        value_used: Use,
+    ) -> SiteId {
         let in_node = matches!(self.kind, FnKind::Plan | FnKind::TopLevel);
         self.sites.push(vm::code::Site {
             owner: self.id,
@@ -131,7 +142,9 @@ impl Lower<'_> {
                 self.emit(op(dst, a));
             }
             [Some(a), Some(b)] => {
-                let Some((_, op, swap)) = BINARY.iter().find(|(known, ..)| *known == name) else { return false };
+                let Some((_, op, swap)) = BINARY.iter().find(|(known, ..)| *known == name) else {
+                    return false;
+                };
                 let sum = small_int(b, name).map(|i| (a, i));
                 let sum = sum.or_else(|| small_int(a, name).filter(|_| name == "+").map(|i| (b, i)));
                 if let Some((other, i)) = sum {

@@ -49,7 +49,10 @@ impl Lower<'_> {
             } else {
                 values = true;
                 self.step(|it| it.expr(part, value, Use::Value));
-                self.jump_to(end, |to| if or { Op::JumpIfTrue(value, to) } else { Op::JumpIfFalse(value, to) });
+                self.jump_to(
+                    end,
+                    |to| if or { Op::JumpIfTrue(value, to) } else { Op::JumpIfFalse(value, to) },
+                );
             }
         }
         self.step(|it| it.tail(last));

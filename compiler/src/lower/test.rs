@@ -51,7 +51,10 @@ impl Lower<'_> {
 
     fn plain_test(&mut self, expr: &Expr, to: Label, when: bool) {
         let register = self.operand(expr);
-        self.jump_to(to, |pc| if when { Op::JumpIfTrue(register, pc) } else { Op::JumpIfFalse(register, pc) });
+        self.jump_to(
+            to,
+            |pc| if when { Op::JumpIfTrue(register, pc) } else { Op::JumpIfFalse(register, pc) },
+        );
     }
 
     fn connective(&mut self, parts: &[Expr], is_or: bool, to: Label, when: bool) {

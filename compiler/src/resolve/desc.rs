@@ -7,10 +7,10 @@ use vm::desc::{KINDS, Match};
 use vm::value::{Imm, Symbol, Value};
 
 use super::Scope;
+use crate::Compiler;
 use crate::ast::{Expr, ExprKind};
 use crate::error::CompileError;
 use crate::module::nearest;
-use crate::Compiler;
 
 /// Properties that say something about an action: inside its location they are misplaced.
 const OF_ACTIONS: [&str; 4] = ["target", "object", "arm", "goal"];
@@ -71,7 +71,10 @@ impl Compiler<'_> {
         match parts {
             [_, value] => Some((key, self.property_value(scope, value, free))),
             [_] => wrong(format!("; `{key}` has no value"), Some(format!("write ({key} value)"))),
-            _ => wrong(format!("; `{key}` has several values"), Some(format!("write ({key} (a b)) for a list"))),
+            _ => wrong(
+                format!("; `{key}` has several values"),
+                Some(format!("write ({key} (a b)) for a list")),
+            ),
         }
     }
 
@@ -103,7 +106,9 @@ impl Compiler<'_> {
             FormKind::Symbol(name) => name.starts_with('?'),
             FormKind::Prefixed(Prefix::Unquote, _) => true,
             FormKind::List(_) if is_description(form) => true,
-            FormKind::List(items) | FormKind::Vector(items) => items.iter().any(|item| self.has_evaluated(item)),
+            FormKind::List(items) | FormKind::Vector(items) => {
+                items.iter().any(|item| self.has_evaluated(item))
+            }
             _ => false,
         }
     }
@@ -115,7 +120,8 @@ impl Compiler<'_> {
             let [_, inner] = property else { continue };
             let location = inner.list().filter(|items| is_description(inner) && items[1].is("location"));
             for item in location.unwrap_or_default() {
-                let Some(key) = item.head().filter(|key| OF_ACTIONS.contains(&key.as_str()) && !has(key)) else {
+                let Some(key) = item.head().filter(|key| OF_ACTIONS.contains(&key.as_str()) && !has(key))
+                else {
                     continue;
                 };
                 let (key, kind) = (key.to_string(), "location".to_string());
@@ -128,7 +134,11 @@ impl Compiler<'_> {
     pub(super) fn matching(&mut self, scope: &mut Scope, mode: Match, form: &Form, args: &[Form]) -> Expr {
         let [pattern, value] = args else {
             let name = if mode == Match::Open { "matches" } else { "==" };
-            return self.shape(form, "takes a pattern and a value", &format!("({name} (an object (type ?t)) value)"));
+            return self.shape(
+                form,
+                "takes a pattern and a value",
+                &format!("({name} (an object (type ?t)) value)"),
+            );
         };
         let pattern = self.pattern(scope, pattern);
         let value = self.expr(scope, value);

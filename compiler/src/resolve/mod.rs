@@ -14,11 +14,11 @@ use grammar::{Form, FormKind, Prefix, Span};
 use vm::code::FnKind;
 use vm::value::{Symbol, Value};
 
+use crate::Compiler;
 use crate::ast::{Callee, Expr, ExprKind, Function, Var, VarId};
 use crate::data::{MOST_NESTED, Places, to_value};
 use crate::error::CompileError;
 use crate::module::{Found, Meaning, ModuleId, nearest};
-use crate::Compiler;
 
 pub(crate) use params::ParamForms;
 
@@ -129,7 +129,9 @@ impl Compiler<'_> {
         let span = form.span;
         match &form.kind {
             FormKind::Symbol(name) => self.name(scope, *name, span),
-            FormKind::Keyword(_) | FormKind::Int(_) | FormKind::Float(_) | FormKind::Str(_) => self.constant(form),
+            FormKind::Keyword(_) | FormKind::Int(_) | FormKind::Float(_) | FormKind::Str(_) => {
+                self.constant(form)
+            }
             FormKind::List(items) => match items.split_first() {
                 None => Expr::nil(span),
                 Some((head, args)) => self.list(scope, form, head, args),
@@ -217,7 +219,9 @@ impl Compiler<'_> {
         let near = nearest(&name, candidates.chain(special::NAMES.iter().copied()));
         let help = match near {
             Some(near) => Some(format!("did you mean `{near}`?")),
-            None if name.starts_with('?') => Some(format!("bind `{name}`, for example with `let` or `dolist`")),
+            None if name.starts_with('?') => {
+                Some(format!("bind `{name}`, for example with `let` or `dolist`"))
+            }
             None => self.elsewhere(name),
         };
         self.error(CompileError::UnknownName { name: name.to_string(), at, help });
@@ -266,15 +270,17 @@ impl Compiler<'_> {
             return Expr::nil(form.span);
         };
         match meaning {
-            Meaning::Macro(function, params) => match self.expand(scope.module, name, function, &params, form) {
-                Some(expansion) => {
-                    self.expanding += 1;
-                    let expr = self.expr(scope, &expansion);
-                    self.expanding -= 1;
-                    expr
+            Meaning::Macro(function, params) => {
+                match self.expand(scope.module, name, function, &params, form) {
+                    Some(expansion) => {
+                        self.expanding += 1;
+                        let expr = self.expr(scope, &expansion);
+                        self.expanding -= 1;
+                        expr
+                    }
+                    None => Expr::nil(form.span),
                 }
-                None => Expr::nil(form.span),
-            },
+            }
             Meaning::Function(f, params) | Meaning::Open(f, params) => {
                 self.mention(f);
                 self.call(scope, Callee::Function(f), name, &params, form.span, args)
@@ -304,7 +310,8 @@ impl Compiler<'_> {
     }
 
     pub(crate) fn arity(&mut self, name: Symbol, params: &vm::code::Params, got: usize, at: Span) {
-        let help = (!params.names.is_empty()).then(|| format!("its parameters are {}", crate::show_params(params)));
+        let help =
+            (!params.names.is_empty()).then(|| format!("its parameters are {}", crate::show_params(params)));
         let takes = vm::machine::takes(params);
         self.error(CompileError::Arity { name: name.to_string(), takes, got, at, help });
     }
@@ -445,7 +452,16 @@ impl Compiler<'_> {
                 self.error(CompileError::SetCaptured { name: var.name.to_string(), at, captured });
             }
         }
-        Function { name, kind: scope.kind, params, inputs, captures: scope.captures, vars: scope.vars, body, span }
+        Function {
+            name,
+            kind: scope.kind,
+            params,
+            inputs,
+            captures: scope.captures,
+            vars: scope.vars,
+            body,
+            span,
+        }
     }
 
     /// A function inside another one. Gives the scope of the other one back.

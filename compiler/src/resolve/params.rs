@@ -5,9 +5,12 @@ use vm::code::Params;
 use vm::value::Symbol;
 
 use super::Scope;
+use crate::Compiler;
 use crate::ast::{Expr, ExprKind, VarId};
 use crate::error::CompileError;
-use crate::Compiler;
+
+/// The variables of parameters, with their defaults.
+pub(super) type Inputs = Vec<(VarId, Option<Expr>)>;
 
 /// A parameter list as written.
 #[derive(Debug, Clone, Default)]
@@ -36,7 +39,10 @@ impl Compiler<'_> {
             FormKind::List(items) => items,
             _ if form.is("nil") => &[],
             _ => {
-                self.error(CompileError::Parameters { problem: "the parameters are no list".into(), at: form.span });
+                self.error(CompileError::Parameters {
+                    problem: "the parameters are no list".into(),
+                    at: form.span,
+                });
                 return read;
             }
         };
@@ -103,7 +109,7 @@ impl Compiler<'_> {
         &mut self,
         scope: &mut Scope,
         params: &ParamForms,
-    ) -> (Vec<(VarId, Option<Expr>)>, Vec<(VarId, Expr)>) {
+    ) -> (Inputs, Vec<(VarId, Expr)>) {
         let mut inputs = Vec::new();
         let mut parts = Vec::new();
         // A default sees the parameters before it, so they are bound one after another.

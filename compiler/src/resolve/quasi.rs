@@ -4,8 +4,8 @@ use grammar::{Form, FormKind, Prefix};
 use vm::value::Value;
 
 use super::Scope;
-use crate::ast::{Expr, ExprKind};
 use crate::Compiler;
+use crate::ast::{Expr, ExprKind};
 
 impl Compiler<'_> {
     /// The expression that makes the data of a template. `level` counts quasi-quotes around it.
@@ -46,7 +46,9 @@ impl Compiler<'_> {
         let mut parts: Vec<(bool, Expr)> = Vec::new();
         for item in items {
             match &item.kind {
-                FormKind::Prefixed(Prefix::Splice, inner) if level == 1 => parts.push((true, self.expr(scope, inner))),
+                FormKind::Prefixed(Prefix::Splice, inner) if level == 1 => {
+                    parts.push((true, self.expr(scope, inner)))
+                }
                 _ => parts.push((false, self.quasi(scope, item, level))),
             }
         }

@@ -6,11 +6,11 @@ use vm::path::{Path, PathStep};
 use vm::value::{Obj, Symbol, Value};
 
 use super::{Around, Scope};
+use crate::Compiler;
 use crate::ast::{Callee, Clause, Expr, ExprKind, VarId};
 use crate::data::{Places, to_value};
 use crate::error::CompileError;
 use crate::module::{Found, Meaning, nearest};
-use crate::Compiler;
 
 /// Resolves a special form from its arguments.
 type Special = fn(&mut Compiler<'_>, &mut Scope, &Form, &[Form]) -> Expr;
@@ -138,7 +138,8 @@ fn path(it: &mut Compiler<'_>, _: &mut Scope, form: &Form, args: &[Form]) -> Exp
         let step = match &arg.kind {
             FormKind::Symbol(name) => Some(PathStep { name: *name, call: 1 }),
             FormKind::List(parts) => match parts.as_slice() {
-                [name, key, Form { kind: FormKind::Int(call), .. }] if matches!(&key.kind, FormKind::Keyword(k) if *k == "call") => {
+                [name, key, Form { kind: FormKind::Int(call), .. }] if matches!(&key.kind, FormKind::Keyword(k) if *k == "call") =>
+                {
                     let call = u32::try_from(*call).ok().filter(|call| *call > 0);
                     name.symbol().zip(call).map(|(name, call)| PathStep { name, call })
                 }
@@ -440,7 +441,9 @@ fn return_(it: &mut Compiler<'_>, scope: &mut Scope, form: &Form, args: &[Form])
 fn perform(it: &mut Compiler<'_>, scope: &mut Scope, form: &Form, args: &[Form]) -> Expr {
     let (desc, goal) = match args {
         [desc] => (desc, None),
-        [desc, key, goal] if matches!(&key.kind, FormKind::Keyword(key) if *key == "goal") => (desc, Some(goal)),
+        [desc, key, goal] if matches!(&key.kind, FormKind::Keyword(key) if *key == "goal") => {
+            (desc, Some(goal))
+        }
         _ => return it.misshapen(form, "takes a description, and perhaps a goal"),
     };
     let desc = it.expr(scope, desc);
@@ -470,7 +473,9 @@ fn handle(it: &mut Compiler<'_>, scope: &mut Scope, form: &Form, args: &[Form]) 
     let mut resolved = Vec::new();
     for clause in clauses {
         let (kinds, var, rest) = match clause.list() {
-            Some([kinds, var, rest @ ..]) if var.list().is_some_and(|var| var.len() <= 1) => (kinds, var, rest),
+            Some([kinds, var, rest @ ..]) if var.list().is_some_and(|var| var.len() <= 1) => {
+                (kinds, var, rest)
+            }
             _ => {
                 it.misshapen(form, "has a clause that is not written (type (e) body…)");
                 continue;
@@ -526,7 +531,9 @@ pub(crate) fn failure_type(it: &mut Compiler<'_>, scope: &Scope, form: &Form) ->
         }
         Found::None => {}
     }
-    if let Some(kind) = it.program.failures.find(name).filter(|kind| (kind.0 as usize) < vm::Builtin::ALL.len()) {
+    if let Some(kind) =
+        it.program.failures.find(name).filter(|kind| (kind.0 as usize) < vm::Builtin::ALL.len())
+    {
         return Some(kind);
     }
     let known: Vec<Symbol> = it.program.failures.iter().map(|kind| kind.name).collect();
@@ -658,7 +665,9 @@ fn expect(it: &mut Compiler<'_>, scope: &mut Scope, form: &Form, args: &[Form]) 
     let kind = vm::Builtin::ExpectationFailed.id();
     let (parts, test, shown) = match expr.kind {
         // A comparison of two values: `expected` and `actual` are known.
-        ExprKind::Call(callee @ (Callee::Native(_) | Callee::Function(_)), sides) if sides.len() == 2 && sides.iter().all(Option::is_some) => {
+        ExprKind::Call(callee @ (Callee::Native(_) | Callee::Function(_)), sides)
+            if sides.len() == 2 && sides.iter().all(Option::is_some) =>
+        {
             let vars: Vec<VarId> = sides.iter().map(|_| scope.hidden(span)).collect();
             let again = |i: usize| Expr::new(ExprKind::Var(vars[i]), span);
             let test = Expr::new(ExprKind::Call(callee, vec![Some(again(0)), Some(again(1))]), expr.span);

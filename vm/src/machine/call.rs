@@ -121,7 +121,8 @@ impl Machine {
             Op::CallPlan(d, w, s) => {
                 let site = &self.program.sites[s.at()];
                 let (callee, n) = (site.callee, site.args);
-                let callee = callee.ok_or_else(|| Box::new(Failure::new(Builtin::ProgramError, "no plan to call")))?;
+                let callee =
+                    callee.ok_or_else(|| Box::new(Failure::new(Builtin::ProgramError, "no plan to call")))?;
                 let args = self.registers(w, n).to_vec();
                 self.call_plan(host, d, s, callee, args)
             }
@@ -241,7 +242,8 @@ impl Machine {
             None if value.is_nil() => Value::NIL,
             Some(Obj::Vector(items)) => Value::list(items.iter().cloned().collect::<Vec<_>>()),
             Some(Obj::Map(map)) => {
-                let pairs: Vec<Value> = map.iter().map(|(k, v)| Value::list([k.clone(), v.clone()])).collect();
+                let pairs: Vec<Value> =
+                    map.iter().map(|(k, v)| Value::list([k.clone(), v.clone()])).collect();
                 Value::list(pairs)
             }
             Some(Obj::Str(text)) => {
@@ -264,7 +266,9 @@ impl Machine {
             fields.push((key, pair[1].clone()));
         }
         // In the order of the type, however they were given: equal failures look equal.
-        let place = |field: &(Symbol, Value)| it.fields.iter().position(|known| *known == field.0).unwrap_or(usize::MAX);
+        let place = |field: &(Symbol, Value)| {
+            it.fields.iter().position(|known| *known == field.0).unwrap_or(usize::MAX)
+        };
         fields.sort_by(|a, b| place(a).cmp(&place(b)).then_with(|| a.0.as_str().cmp(b.0.as_str())));
         Ok(Box::new(Failure::of_type(kind, it.name, fields)))
     }
@@ -284,7 +288,9 @@ impl Machine {
             let len = (run.stack.len() * 2).max(end + 256);
             run.stack.resize(len, Value::NIL);
         }
-        for (register, value) in run.stack[above as usize..].iter_mut().zip(args.into_iter().chain(captured.iter().cloned())) {
+        for (register, value) in
+            run.stack[above as usize..].iter_mut().zip(args.into_iter().chain(captured.iter().cloned()))
+        {
             *register = value;
         }
     }
@@ -294,7 +300,10 @@ impl Machine {
         let run = &self.runs[self.runs.len() - 1];
         let used = match run.pc {
             RESUME => 1,
-            pc => self.program.function_at(Pc(pc.saturating_sub(1))).map_or(1, |it| self.program.functions[it.at()].registers),
+            pc => self
+                .program
+                .function_at(Pc(pc.saturating_sub(1)))
+                .map_or(1, |it| self.program.functions[it.at()].registers),
         };
         run.base + u32::from(used)
     }
@@ -380,7 +389,8 @@ impl Machine {
         }
         if !self.grants.allows(native.effect) {
             let effect = native.effect.name();
-            let message = format!("`{}` needs the grant `{effect}`, which this run does not have", native.name);
+            let message =
+                format!("`{}` needs the grant `{effect}`, which this run does not have", native.name);
             let fields = vec![("message", Value::str(message)), ("effect", Value::symbol(effect))];
             return Err(Box::new(Failure::with(Builtin::NotAllowed, fields)));
         }

@@ -35,7 +35,8 @@ impl Machine {
             return Ok(());
         }
         // A jump out of clean-up forms (`return`) leaves its entry behind.
-        while self.runs.last().and_then(|run| run.cleanups.last()).is_some_and(|last| !self.is_running(last)) {
+        while self.runs.last().and_then(|run| run.cleanups.last()).is_some_and(|last| !self.is_running(last))
+        {
             self.top().cleanups.pop();
         }
         let run = self.top();

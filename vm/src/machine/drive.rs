@@ -151,7 +151,11 @@ impl Machine {
         tree: Option<Value>,
     ) -> Slow {
         let function = match plan {
-            Value::Imm(Imm::Function(function)) if self.program.functions[function.at()].kind == FnKind::Plan => *function,
+            Value::Imm(Imm::Function(function))
+                if self.program.functions[function.at()].kind == FnKind::Plan =>
+            {
+                *function
+            }
             _ => return Err(type_error("a plan", plan)),
         };
         let args = self.arrange(function, args)?;
@@ -306,11 +310,16 @@ impl Machine {
             Body::Action => self.runs[self.runs.len() - 1].tree.slot(call.slot).name,
         };
         if callee != accepted.callee {
-            return Some(format!("{word} not applied: it was made for `{}`, the call is of `{callee}`", accepted.callee));
+            return Some(format!(
+                "{word} not applied: it was made for `{}`, the call is of `{callee}`",
+                accepted.callee
+            ));
         }
         for (key, wanted) in &accepted.edit.guard {
             let actual = self.param(call.body, &call.args, *key);
-            let same = actual.as_ref().is_some_and(|actual| crate::value::equal(actual, wanted, 100_000) == Some(true));
+            let same = actual
+                .as_ref()
+                .is_some_and(|actual| crate::value::equal(actual, wanted, 100_000) == Some(true));
             if !same {
                 let actual = actual.map_or("missing".into(), |value| crate::print::brief(&value));
                 return Some(format!(
@@ -326,7 +335,11 @@ impl Machine {
     fn param(&self, body: Body, args: &[Value], key: Symbol) -> Option<Value> {
         match body {
             Body::Plan(function) => {
-                let at = self.program.functions[function.at()].params.names.iter().position(|name| *name == key)?;
+                let at = self.program.functions[function.at()]
+                    .params
+                    .names
+                    .iter()
+                    .position(|name| *name == key)?;
                 args.get(at).cloned()
             }
             Body::Action => args.first()?.as_desc()?.get(key).cloned(),
@@ -337,7 +350,8 @@ impl Machine {
         match body {
             Body::Plan(function) => {
                 let names = &self.program.functions[function.at()].params.names;
-                if let Some(arg) = names.iter().position(|name| *name == key).and_then(|at| args.get_mut(at)) {
+                if let Some(arg) = names.iter().position(|name| *name == key).and_then(|at| args.get_mut(at))
+                {
                     *arg = value.clone();
                 }
             }
@@ -449,7 +463,8 @@ impl Machine {
     }
 
     fn enter_code(&mut self, code: Option<FnId>, args: Vec<Value>) -> Slow {
-        let code = code.ok_or_else(|| Box::new(Failure::new(Builtin::ProgramError, "the edit has no code")))?;
+        let code =
+            code.ok_or_else(|| Box::new(Failure::new(Builtin::ProgramError, "the edit has no code")))?;
         self.enter(0, code, args, &[]);
         Ok(None)
     }

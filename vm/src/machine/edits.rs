@@ -15,7 +15,12 @@ use super::Machine;
 
 impl Machine {
     /// `(edit-tree tree edits)`: all edits or none.
-    pub(super) fn edit_tree(&mut self, host: &mut dyn Host, tree: &Value, edits: &Value) -> Result<Value, Raise> {
+    pub(super) fn edit_tree(
+        &mut self,
+        host: &mut dyn Host,
+        tree: &Value,
+        edits: &Value,
+    ) -> Result<Value, Raise> {
         let mut tree = Tree::clone(tree.as_tree().ok_or_else(|| type_error("a tree", tree))?);
         let mut refused = Vec::new();
         for value in crate::native::list(edits)? {
@@ -32,14 +37,20 @@ impl Machine {
         if refused.is_empty() {
             return Ok(Value::new(Obj::Tree(Rc::new(tree))));
         }
-        let lines: Vec<String> = refused.iter().map(|(edit, why)| format!("{}: {why}", crate::print::brief(edit))).collect();
+        let lines: Vec<String> =
+            refused.iter().map(|(edit, why)| format!("{}: {why}", crate::print::brief(edit))).collect();
         let edits = Value::list(refused.into_iter().map(|(edit, _)| edit).collect::<Vec<_>>());
         let fields = vec![("message", Value::str(lines.join("\n"))), ("edit", edits)];
         Err(Box::new(Failure::with(Builtin::EditRefused, fields)))
     }
 
     /// The slot of an edit and what holds there, or why it is refused.
-    fn accept(&mut self, host: &mut dyn Host, tree: &Tree, edit: &Edit) -> Result<(SlotId, Accepted), String> {
+    fn accept(
+        &mut self,
+        host: &mut dyn Host,
+        tree: &Tree,
+        edit: &Edit,
+    ) -> Result<(SlotId, Accepted), String> {
         let slot = edit.at.find(tree)?;
         if slot == ROOT {
             return Err("the root is not called, so nothing can be changed there".into());
@@ -57,11 +68,15 @@ impl Machine {
             What::Skip(_) | What::WithParam(..) | What::Defer(_) => None,
         };
         let code = match code {
-            Some((form, original)) => Some(host.compile(&mut self.program, CodeRequest { form, plan, original })?),
+            Some((form, original)) => {
+                Some(host.compile(&mut self.program, CodeRequest { form, plan, original })?)
+            }
             None => None,
         };
         let callee = tree.slot(slot).name;
-        let between = after.iter().filter_map(|q| Some((*q, super::obligation::between(&self.program, tree, slot, *q)?)));
+        let between = after
+            .iter()
+            .filter_map(|q| Some((*q, super::obligation::between(&self.program, tree, slot, *q)?)));
         let between = between.collect();
         Ok((slot, Accepted { edit: Rc::new(edit.clone()), callee, code, after, between }))
     }
@@ -71,8 +86,12 @@ impl Machine {
         let used = self.program.sites[tree.slot(slot).key.site.at()].value_used;
         let path = Path::of(tree, slot).show();
         match &edit.what {
-            What::Skip(None) if used => Err(format!("the value of {path} is used; say `:value v` for what it should be")),
-            What::Defer(_) if used => Err(format!("the value of {path} is used, so it cannot be performed later")),
+            What::Skip(None) if used => {
+                Err(format!("the value of {path} is used; say `:value v` for what it should be"))
+            }
+            What::Defer(_) if used => {
+                Err(format!("the value of {path} is used, so it cannot be performed later"))
+            }
             What::WithParam(key, _) => {
                 let Some(rec) = tree.shown(slot) else { return Ok(()) };
                 let names = match tree.record(rec).kind {
@@ -117,7 +136,11 @@ fn find_all(tree: &Tree, slot: SlotId, paths: &[Path], own: bool) -> Result<Vec<
             continue;
         }
         if is_within(tree, other, slot) || is_within(tree, slot, other) {
-            return Err(format!("{} cannot wait for {}: one is part of the other", Path::of(tree, slot).show(), path.show()));
+            return Err(format!(
+                "{} cannot wait for {}: one is part of the other",
+                Path::of(tree, slot).show(),
+                path.show()
+            ));
         }
         slots.push(other);
     }
@@ -140,5 +163,6 @@ fn waits_for_itself(tree: &Tree, slot: SlotId, edit: &Accepted) -> bool {
 
 /// True if `slot` is `of` or below it.
 fn is_within(tree: &Tree, slot: SlotId, of: SlotId) -> bool {
-    std::iter::successors(Some(slot), |at| Some(tree.slot(*at).parent).filter(|up| up.0 != 0)).any(|at| at == of)
+    std::iter::successors(Some(slot), |at| Some(tree.slot(*at).parent).filter(|up| up.0 != 0))
+        .any(|at| at == of)
 }

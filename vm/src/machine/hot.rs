@@ -41,7 +41,13 @@ pub(super) enum Out {
 
 /// Runs until something has to be done that the loop does not do. `OWES`: obligations are open,
 /// so each instruction is looked at before it is done.
-pub(super) fn run<const OWES: bool>(program: &Program, globals: &mut [Value], run: &mut Run, depth: usize, left: &mut u64) -> Out {
+pub(super) fn run<const OWES: bool>(
+    program: &Program,
+    globals: &mut [Value],
+    run: &mut Run,
+    depth: usize,
+    left: &mut u64,
+) -> Out {
     let mut fuel = *left;
     let (mut pc, mut base, mut here) = (run.pc as usize, run.base as usize, run.here);
     let Run { stack, frames, tree, occurrences, obligations, handling, cleanups, .. } = run;
@@ -50,18 +56,38 @@ pub(super) fn run<const OWES: bool>(program: &Program, globals: &mut [Value], ru
         let Some(w) = stack.get_mut(base..).and_then(|above| above.first_chunk_mut::<256>()) else {
             break 'window Out::Grow;
         };
-        macro_rules! at { ($r:expr) => { w[$r as usize] }; }
-        macro_rules! set { ($d:expr, $v:expr) => { w[$d as usize] = $v }; }
-        macro_rules! try_op { ($result:expr) => { match $result { Ok(it) => it, Err(raise) => break 'window Out::Raise(raise) } }; }
+        macro_rules! at {
+            ($r:expr) => {
+                w[$r as usize]
+            };
+        }
+        macro_rules! set {
+            ($d:expr, $v:expr) => {
+                w[$d as usize] = $v
+            };
+        }
+        macro_rules! try_op {
+            ($result:expr) => {
+                match $result {
+                    Ok(it) => it,
+                    Err(raise) => break 'window Out::Raise(raise),
+                }
+            };
+        }
         macro_rules! burn {
             () => {
-                if fuel == 0 { pc -= 1; break 'window Out::Fuel; }
+                if fuel == 0 {
+                    pc -= 1;
+                    break 'window Out::Fuel;
+                }
                 fuel -= 1;
             };
         }
         macro_rules! push {
             ($d:expr) => {
-                if frames.len() >= depth { break 'window Out::TooDeep; }
+                if frames.len() >= depth {
+                    break 'window Out::TooDeep;
+                }
                 frames.push(Frame { pc: pc as u32, base: base as u32, here, dst: $d });
             };
         }
@@ -71,7 +97,10 @@ pub(super) fn run<const OWES: bool>(program: &Program, globals: &mut [Value], ru
                     (Value::Imm(Imm::Int(x)), Value::Imm(Imm::Int(y))) => x.$checked(*y),
                     _ => None,
                 };
-                let value = match fast { Some(it) => Value::int(it), None => try_op!($slow(&at!($a), $b)) };
+                let value = match fast {
+                    Some(it) => Value::int(it),
+                    None => try_op!($slow(&at!($a), $b)),
+                };
                 set!($d, value);
             }};
         }
@@ -91,7 +120,11 @@ pub(super) fn run<const OWES: bool>(program: &Program, globals: &mut [Value], ru
                 }
             };
         }
-        macro_rules! jump { ($t:expr) => { pc = $t.0 as usize }; }
+        macro_rules! jump {
+            ($t:expr) => {
+                pc = $t.0 as usize
+            };
+        }
         loop {
             let op = code[pc];
             if OWES {
@@ -150,25 +183,83 @@ pub(super) fn run<const OWES: bool>(program: &Program, globals: &mut [Value], ru
                     burn!();
                     jump!(t);
                 }
-                Op::JumpIfFalse(a, t) => if !at!(a).is_true() { jump!(t) },
-                Op::JumpIfTrue(a, t) => if at!(a).is_true() { jump!(t) },
-                Op::JumpIfNil(a, t) => if at!(a).is_nil() { jump!(t) },
-                Op::JumpUnlessNil(a, t) => if !at!(a).is_nil() { jump!(t) },
-                Op::JumpUnlessLess(a, b, t) => if !compare!(a, &at!(b), <, arith::less) { jump!(t) },
-                Op::JumpUnlessLessEq(a, b, t) => if !compare!(a, &at!(b), <=, arith::less_eq) { jump!(t) },
-                Op::JumpUnlessNumEq(a, b, t) => if !compare!(a, &at!(b), ==, arith::num_eq) { jump!(t) },
-                Op::JumpIfNumEq(a, b, t) => if compare!(a, &at!(b), ==, arith::num_eq) { jump!(t) },
-                Op::JumpUnlessLessInt(a, i, t) => if !compare_int!(a, i, <) { jump!(t) },
-                Op::JumpUnlessLessEqInt(a, i, t) => if !compare_int!(a, i, <=) { jump!(t) },
-                Op::JumpUnlessMoreInt(a, i, t) => if !compare_int!(a, i, >) { jump!(t) },
-                Op::JumpUnlessMoreEqInt(a, i, t) => if !compare_int!(a, i, >=) { jump!(t) },
-                Op::JumpUnlessEqInt(a, i, t) => if !compare_int!(a, i, ==) { jump!(t) },
-                Op::JumpIfSet(a, t) => if !at!(a).is_unset() { jump!(t) },
+                Op::JumpIfFalse(a, t) => {
+                    if !at!(a).is_true() {
+                        jump!(t)
+                    }
+                }
+                Op::JumpIfTrue(a, t) => {
+                    if at!(a).is_true() {
+                        jump!(t)
+                    }
+                }
+                Op::JumpIfNil(a, t) => {
+                    if at!(a).is_nil() {
+                        jump!(t)
+                    }
+                }
+                Op::JumpUnlessNil(a, t) => {
+                    if !at!(a).is_nil() {
+                        jump!(t)
+                    }
+                }
+                Op::JumpUnlessLess(a, b, t) => {
+                    if !compare!(a, &at!(b), <, arith::less) {
+                        jump!(t)
+                    }
+                }
+                Op::JumpUnlessLessEq(a, b, t) => {
+                    if !compare!(a, &at!(b), <=, arith::less_eq) {
+                        jump!(t)
+                    }
+                }
+                Op::JumpUnlessNumEq(a, b, t) => {
+                    if !compare!(a, &at!(b), ==, arith::num_eq) {
+                        jump!(t)
+                    }
+                }
+                Op::JumpIfNumEq(a, b, t) => {
+                    if compare!(a, &at!(b), ==, arith::num_eq) {
+                        jump!(t)
+                    }
+                }
+                Op::JumpUnlessLessInt(a, i, t) => {
+                    if !compare_int!(a, i, <) {
+                        jump!(t)
+                    }
+                }
+                Op::JumpUnlessLessEqInt(a, i, t) => {
+                    if !compare_int!(a, i, <=) {
+                        jump!(t)
+                    }
+                }
+                Op::JumpUnlessMoreInt(a, i, t) => {
+                    if !compare_int!(a, i, >) {
+                        jump!(t)
+                    }
+                }
+                Op::JumpUnlessMoreEqInt(a, i, t) => {
+                    if !compare_int!(a, i, >=) {
+                        jump!(t)
+                    }
+                }
+                Op::JumpUnlessEqInt(a, i, t) => {
+                    if !compare_int!(a, i, ==) {
+                        jump!(t)
+                    }
+                }
+                Op::JumpIfSet(a, t) => {
+                    if !at!(a).is_unset() {
+                        jump!(t)
+                    }
+                }
                 Op::JumpUnlessConst(a, k, t) => {
                     let constant = &program.constants[k.0 as usize];
                     let same = at!(a).identical(constant)
                         || crate::value::equal(&at!(a), constant, crate::value::COMPARE_LIMIT) == Some(true);
-                    if !same { jump!(t) }
+                    if !same {
+                        jump!(t)
+                    }
                 }
 
                 Op::IterNext(d, t) => match at!(d.wrapping_add(1)).as_pair() {
@@ -192,7 +283,9 @@ pub(super) fn run<const OWES: bool>(program: &Program, globals: &mut [Value], ru
                 }
                 Op::CallPlan(d, window, s) => {
                     let site = &program.sites[s.at()];
-                    let Some(chain) = chain_of(site.counted, &site.rounds, w) else { break 'window Out::Slow(op) };
+                    let Some(chain) = chain_of(site.counted, &site.rounds, w) else {
+                        break 'window Out::Slow(op);
+                    };
                     if here.0 & MEMO != 0 || run.traced || tree.record(RecId(here.0)).flags & COUNTED != 0 {
                         break 'window Out::Slow(op);
                     }
@@ -277,10 +370,25 @@ pub(super) fn run<const OWES: bool>(program: &Program, globals: &mut [Value], ru
                     }
                 }
 
-                Op::List(..) | Op::Vector(..) | Op::Map(..) | Op::Desc(..) | Op::Counter(..) | Op::CountDown(..)
-                | Op::IterStart(..) | Op::CountStart(..) | Op::CallNative(..) | Op::Perform(..)
-                | Op::Original(..) | Op::Fail(..) | Op::Raise(..) | Op::MakeFailure(..) | Op::JumpUnlessKind(..)
-                | Op::Mark(..) | Op::Retry(..) | Op::EndCleanUp(..) | Op::Resume => break 'window Out::Slow(op),
+                Op::List(..)
+                | Op::Vector(..)
+                | Op::Map(..)
+                | Op::Desc(..)
+                | Op::Counter(..)
+                | Op::CountDown(..)
+                | Op::IterStart(..)
+                | Op::CountStart(..)
+                | Op::CallNative(..)
+                | Op::Perform(..)
+                | Op::Original(..)
+                | Op::Fail(..)
+                | Op::Raise(..)
+                | Op::MakeFailure(..)
+                | Op::JumpUnlessKind(..)
+                | Op::Mark(..)
+                | Op::Retry(..)
+                | Op::EndCleanUp(..)
+                | Op::Resume => break 'window Out::Slow(op),
             }
         }
     };
@@ -312,7 +420,8 @@ fn plain_callee(program: &Program, callee: &Value, n: u8) -> Option<(usize, Opti
         Value::Imm(_) => return None,
     };
     let function = &program.functions[id.at()];
-    let plain = matches!(function.kind, FnKind::Function | FnKind::Lambda) && function.params.is_plain(n as usize);
+    let plain =
+        matches!(function.kind, FnKind::Function | FnKind::Lambda) && function.params.is_plain(n as usize);
     plain.then_some((function.entry.at(), closure))
 }
 
@@ -333,4 +442,3 @@ fn capture(registers: &mut [Value], closure: Option<Rc<Obj>>) {
 fn end_of_list(value: &Value) -> Result<Value, Raise> {
     if value.is_nil() { Ok(Value::NIL) } else { Err(crate::native::type_error("a list", value)) }
 }
-

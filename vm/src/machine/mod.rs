@@ -123,7 +123,8 @@ struct Run {
 impl Run {
     fn new(mut tree: Tree, traced: bool) -> Run {
         let root = tree.begin();
-        let edit_of: FxHashMap<FnId, u32> = (1..).zip(&tree.edits).filter_map(|(id, edit)| Some((edit.code?, id))).collect();
+        let edit_of: FxHashMap<FnId, u32> =
+            (1..).zip(&tree.edits).filter_map(|(id, edit)| Some((edit.code?, id))).collect();
         for id in 1..=tree.edits.len() as u32 {
             tree.keys.then(Chain::EMPTY, Step::Edit(id), |_| 0);
         }
@@ -266,7 +267,10 @@ impl Machine {
     /// Bytes of registers and frames in use.
     #[must_use]
     pub fn frame_bytes(&self) -> usize {
-        self.runs.iter().map(|run| run.base as usize * size_of::<Value>() + run.frames.len() * size_of::<Frame>()).sum()
+        self.runs
+            .iter()
+            .map(|run| run.base as usize * size_of::<Value>() + run.frames.len() * size_of::<Frame>())
+            .sum()
     }
 
     fn bottom(&mut self) -> &mut Run {
@@ -358,7 +362,8 @@ impl Machine {
     fn abandon(&mut self, failure: Failure) -> Value {
         let failure = Value::failure(failure);
         let run = self.bottom();
-        let open: Vec<RecId> = run.tree.records().skip(1).filter(|rec| !run.tree.record(*rec).status.is_final()).collect();
+        let open: Vec<RecId> =
+            run.tree.records().skip(1).filter(|rec| !run.tree.record(*rec).status.is_final()).collect();
         for rec in open {
             run.tree.end(rec, Status::Failed, failure.clone(), run.now);
         }
@@ -401,17 +406,30 @@ impl Machine {
     fn check_memory(&self) -> Result<(), Raise> {
         let bytes = live::bytes() + self.runs.iter().map(Run::bytes).sum::<usize>();
         if bytes > self.limits.memory {
-            return Err(self.over(Builtin::MemoryExhausted, "the run takes more than", self.limits.memory, "bytes"));
+            return Err(self.over(
+                Builtin::MemoryExhausted,
+                "the run takes more than",
+                self.limits.memory,
+                "bytes",
+            ));
         }
         let nodes: usize = self.runs.iter().map(|run| run.tree.len()).sum();
         if nodes > self.limits.nodes {
-            return Err(self.over(Builtin::TreeTooLarge, "the tree has more than", self.limits.nodes, "nodes"));
+            return Err(self.over(
+                Builtin::TreeTooLarge,
+                "the tree has more than",
+                self.limits.nodes,
+                "nodes",
+            ));
         }
         Ok(())
     }
 
     fn over(&self, kind: Builtin, what: &str, limit: usize, unit: &str) -> Raise {
-        let fields = vec![("message", Value::str(format!("{what} {limit} {unit}"))), ("limit", Value::int(limit as i64))];
+        let fields = vec![
+            ("message", Value::str(format!("{what} {limit} {unit}"))),
+            ("limit", Value::int(limit as i64)),
+        ];
         Box::new(Failure::with(kind, fields))
     }
 
@@ -481,7 +499,8 @@ impl Ctx<'_> {
         *self.printed += text.len();
         if *self.printed > self.output_limit {
             let message = format!("the program printed more than {} bytes", self.output_limit);
-            let fields = vec![("message", Value::str(message)), ("limit", Value::int(self.output_limit as i64))];
+            let fields =
+                vec![("message", Value::str(message)), ("limit", Value::int(self.output_limit as i64))];
             return Err(Box::new(Failure::with(Builtin::OutputTooLarge, fields)));
         }
         self.host.print(text);
@@ -522,7 +541,9 @@ fn from_json(json: &Json) -> Value {
     match json {
         Json::Null => Value::NIL,
         Json::Bool(b) => Value::bool(*b),
-        Json::Number(n) => n.as_i64().map_or_else(|| Value::float(n.as_f64().unwrap_or(f64::NAN)), Value::int),
+        Json::Number(n) => {
+            n.as_i64().map_or_else(|| Value::float(n.as_f64().unwrap_or(f64::NAN)), Value::int)
+        }
         Json::String(text) => Value::str(text.as_str()),
         Json::Array(items) => Value::list(items.iter().map(from_json).collect::<Vec<_>>()),
         Json::Object(map) => {

@@ -142,9 +142,15 @@ impl Obligation {
             Side::Until(end) => pc >= end.0,
             Side::Round(round, key) => {
                 let round = &program.forms[*round as usize];
-                !round.contains(pc) && round.key().is_some_and(|it| current_round(it, run.stack, run.base) == Some(key.clone()))
+                !round.contains(pc)
+                    && round
+                        .key()
+                        .is_some_and(|it| current_round(it, run.stack, run.base) == Some(key.clone()))
             }
-            Side::Later(before) => run.tree.shown(self.after).is_some_and(|rec| rec > *before && run.tree.record(rec).status.is_final()),
+            Side::Later(before) => run
+                .tree
+                .shown(self.after)
+                .is_some_and(|rec| rec > *before && run.tree.record(rec).status.is_final()),
         };
         passed && !run.obligations.iter().any(|it| it.slot == self.after)
     }
@@ -159,7 +165,9 @@ impl FormRange {
 /// The key of the round that a loop is in or has just done.
 fn current_round(key: RoundKey, stack: &[Value], base: usize) -> Option<Step> {
     match key {
-        RoundKey::Count(register) => Some(Step::Round(Element::Int(stack.get(base + register as usize)?.as_int()?), 0)),
+        RoundKey::Count(register) => {
+            Some(Step::Round(Element::Int(stack.get(base + register as usize)?.as_int()?), 0))
+        }
         RoundKey::Element(register) => {
             let at = base + register as usize;
             match stack.get(at + 2)?.obj() {
@@ -193,8 +201,10 @@ struct Activation {
 
 /// The levels between the root and a slot, and for each the slot that they lead to.
 fn levels(tree: &Tree, slot: SlotId) -> Vec<(Level, SlotId)> {
-    let mut slots: Vec<SlotId> =
-        std::iter::successors(Some(slot), |at| Some(tree.slot(*at).parent).filter(|up| *up != ROOT && up.0 != 0)).collect();
+    let mut slots: Vec<SlotId> = std::iter::successors(Some(slot), |at| {
+        Some(tree.slot(*at).parent).filter(|up| *up != ROOT && up.0 != 0)
+    })
+    .collect();
     slots.reverse();
     let mut levels = Vec::new();
     for slot in slots {
@@ -265,7 +275,8 @@ fn common_form(program: &Program, mine: &[(Level, SlotId)], theirs: &[(Level, Sl
 
 /// The same call again: the loop without keys around it, or the whole body.
 fn repeated(program: &Program, level: usize, path: &[u32]) -> Common {
-    let unkeyed = path.iter().rposition(|form| matches!(program.forms[*form as usize].kind, FormKind::Round(None)));
+    let unkeyed =
+        path.iter().rposition(|form| matches!(program.forms[*form as usize].kind, FormKind::Round(None)));
     let form = unkeyed.and_then(|at| at.checked_sub(1)).map_or(path[0], |at| path[at]);
     Common { level, form, side: Side::Later(RecId(0)) }
 }
@@ -334,8 +345,12 @@ impl Machine {
                 self.owe(&call, id, name);
             }
         }
-        let defers: Vec<u32> =
-            call.edits.iter().copied().filter(|id| matches!(self.accepted(*id).edit.what, What::Defer(_))).collect();
+        let defers: Vec<u32> = call
+            .edits
+            .iter()
+            .copied()
+            .filter(|id| matches!(self.accepted(*id).edit.what, What::Defer(_)))
+            .collect();
         let Some(id) = defers.last() else { return Err(call) };
         let plan = match self.place_for(&call, *id, false) {
             Ok(plan) => plan,
@@ -421,7 +436,8 @@ impl Machine {
         }
         let own = owes.then_some(call.slot);
         // Several places: the form that contains them all.
-        let outer = found.iter().map(|(_, it)| (it.level, program.forms[it.form as usize].start, it.form)).min();
+        let outer =
+            found.iter().map(|(_, it)| (it.level, program.forms[it.form as usize].start, it.form)).min();
         let Some((level, _, form)) = outer else {
             return match own {
                 Some(slot) => Ok(own_place(program, run, &activations, slot)),
@@ -446,8 +462,9 @@ impl Machine {
         }
         let chosen = ahead.into_iter().max_by_key(|(order, ..)| *order).map(|(_, slot, side)| (slot, side));
         let chosen = chosen.or_else(|| own.map(|slot| (slot, own_side(program, form, &mine[level].0))));
-        let (after, side) =
-            chosen.ok_or_else(|| format!("{word} not applied: what it waits for is over, or does not come as expected"))?;
+        let (after, side) = chosen.ok_or_else(|| {
+            format!("{word} not applied: what it waits for is over, or does not come as expected")
+        })?;
         let contexts = run.contexts(program, &activations[index..], form);
         Ok(Plan { after, side, form, depth: act.depth, contexts })
     }
@@ -463,7 +480,10 @@ impl Machine {
         let code = self.accepted(id).code;
         let run = self.top();
         let open = run.obligations.iter_mut().find(|it| {
-            it.depth == plan.depth && it.form == plan.form && matches!(&it.what, Owed::Code(..)) && run.tree.slot(it.slot).name == name
+            it.depth == plan.depth
+                && it.form == plan.form
+                && matches!(&it.what, Owed::Code(..))
+                && run.tree.slot(it.slot).name == name
         });
         if let Some(open) = open {
             (open.after, open.side) = (plan.after, plan.side);
@@ -531,7 +551,13 @@ fn own_place(program: &Program, run: &mut Run, activations: &[Activation], slot:
         return Plan { after: slot, side: Side::Until(Pc(0)), form: 0, depth: 0, contexts: Vec::new() };
     };
     let form = act.site.map_or(0, |site| program.sites[site.at()].form);
-    Plan { after: slot, side: Side::Until(Pc(act.pc)), form, depth: act.depth, contexts: run.contexts(program, &[], form) }
+    Plan {
+        after: slot,
+        side: Side::Until(Pc(act.pc)),
+        form,
+        depth: act.depth,
+        contexts: run.contexts(program, &[], form),
+    }
 }
 
 impl Run {
@@ -551,7 +577,8 @@ impl Run {
                 let registers = program.forms[*round as usize].key()?;
                 let coming = self.rounds_to_come(registers, act.base as usize);
                 let at = coming.iter().position(|step| step == key)?;
-                let strangers = between.is_some_and(|known| coming[..at].iter().any(|step| !known.contains(step)));
+                let strangers =
+                    between.is_some_and(|known| coming[..at].iter().any(|step| !known.contains(step)));
                 (!strangers).then_some(at)
             }
         }
@@ -624,12 +651,16 @@ impl Machine {
         let (program, runs) = (&self.program, &self.runs);
         let run = &runs[runs.len() - 1];
         let view = run.view();
-        let held: Vec<usize> = (0..run.obligations.len()).filter(|at| run.obligations[*at].depth == depth).collect();
+        let held: Vec<usize> =
+            (0..run.obligations.len()).filter(|at| run.obligations[*at].depth == depth).collect();
         let op = program.code[pc as usize];
         let ended = |it: &Obligation| {
             !program.forms[it.form as usize].contains(pc) || matches!(op, Op::Return(_) | Op::ReturnPlan(_))
         };
-        if let Some(at) = held.iter().find(|at| !ended(&run.obligations[**at]) && run.obligations[**at].is_over(program, &view, pc)) {
+        if let Some(at) = held
+            .iter()
+            .find(|at| !ended(&run.obligations[**at]) && run.obligations[**at].is_over(program, &view, pc))
+        {
             return Some(*at);
         }
         let ended: Vec<usize> = held.into_iter().filter(|at| ended(&run.obligations[*at])).collect();
@@ -641,12 +672,15 @@ impl Machine {
     fn first_at_end(&mut self, ended: &[usize]) -> Option<usize> {
         let run = self.top();
         for at in ended {
-            let (after, depth, form) = (run.obligations[*at].after, run.obligations[*at].depth, run.obligations[*at].form);
-            let further = run.obligations.iter().find(|it| it.slot == after && (it.depth, it.form) != (depth, form));
+            let (after, depth, form) =
+                (run.obligations[*at].after, run.obligations[*at].depth, run.obligations[*at].form);
+            let further =
+                run.obligations.iter().find(|it| it.slot == after && (it.depth, it.form) != (depth, form));
             if let Some(outer) = further.map(|it| (it.depth, it.form, it.side.clone())) {
                 let it = &mut run.obligations[*at];
                 (it.depth, it.form, it.side) = outer;
-                return self.first_at_end(&ended.iter().copied().filter(|other| other != at).collect::<Vec<_>>());
+                return self
+                    .first_at_end(&ended.iter().copied().filter(|other| other != at).collect::<Vec<_>>());
             }
         }
         let done = |at: &&usize| {
@@ -662,8 +696,9 @@ impl Machine {
     pub(super) fn due_before_failure(&mut self, form: u32) -> Option<usize> {
         let run = self.top();
         let depth = run.frames.len();
-        let held: Vec<usize> =
-            (0..run.obligations.len()).filter(|at| run.obligations[*at].depth == depth && run.obligations[*at].form == form).collect();
+        let held: Vec<usize> = (0..run.obligations.len())
+            .filter(|at| run.obligations[*at].depth == depth && run.obligations[*at].form == form)
+            .collect();
         if held.is_empty() { None } else { self.first_at_end(&held) }
     }
 
@@ -683,7 +718,10 @@ impl Machine {
     /// The first register that the running function does not use.
     fn scratch_register(&self) -> u8 {
         let run = &self.runs[self.runs.len() - 1];
-        let function = self.program.function_at(Pc(run.pc)).or_else(|| self.program.function_at(Pc(run.pc.saturating_sub(1))));
+        let function = self
+            .program
+            .function_at(Pc(run.pc))
+            .or_else(|| self.program.function_at(Pc(run.pc.saturating_sub(1))));
         function.map_or(0, |it| self.program.functions[it.at()].registers)
     }
 
@@ -714,7 +752,12 @@ impl Machine {
     }
 
     /// What the discharge called has returned.
-    pub(super) fn discharge_resumed(&mut self, host: &mut dyn Host, mut discharge: Box<Discharge>, value: Value) -> Slow {
+    pub(super) fn discharge_resumed(
+        &mut self,
+        host: &mut dyn Host,
+        mut discharge: Box<Discharge>,
+        value: Value,
+    ) -> Slow {
         let next = match discharge.stage {
             Stage::Performing => {
                 let rec = discharge.obligation.rec;
@@ -733,7 +776,8 @@ impl Machine {
             }
         };
         let goals = &discharge.obligation.goals;
-        let reached = |at: &usize| self.runs[self.runs.len() - 1].tree.record(goals[*at].0).status == Status::Succeeded;
+        let reached =
+            |at: &usize| self.runs[self.runs.len() - 1].tree.record(goals[*at].0).status == Status::Succeeded;
         match (next..goals.len()).find(reached) {
             Some(n) => {
                 let goal = goals[n].1.clone();
@@ -767,7 +811,12 @@ impl Machine {
 
     /// A failure has come back to the discharge: the next handler takes it, or it goes on
     /// outwards from the common form. (4)
-    pub(super) fn discharge_failed(&mut self, host: &mut dyn Host, mut discharge: Box<Discharge>, failure: Value) -> Result<(), Value> {
+    pub(super) fn discharge_failed(
+        &mut self,
+        host: &mut dyn Host,
+        mut discharge: Box<Discharge>,
+        failure: Value,
+    ) -> Result<(), Value> {
         let rec = discharge.obligation.rec;
         if !self.top().tree.record(rec).status.is_final() {
             self.end_record(host, rec, Status::Failed, failure.clone());
@@ -822,7 +871,8 @@ impl Machine {
         let Some(Driver::Discharge(discharge)) = run.drivers.last_mut() else { return Ok(None) };
         discharge.stage = Stage::Performing;
         let old = discharge.obligation.rec;
-        let (slot, parent, kind) = (discharge.obligation.slot, run.tree.record(old).parent, run.tree.record(old).kind);
+        let (slot, parent, kind) =
+            (discharge.obligation.slot, run.tree.record(old).parent, run.tree.record(old).kind);
         let args = run.tree.args(old);
         let performed_in = run.tree.extra(old).and_then(|extra| extra.performed_in);
         let rec = run.tree.enter(parent, slot, kind, &args, run.now);
@@ -879,8 +929,12 @@ pub(super) fn between(program: &Program, tree: &Tree, p: SlotId, q: SlotId) -> O
     let before: Vec<Level> = mine[..common.level].iter().map(|(level, _)| level.clone()).collect();
     for child in tree.children(tree.slot(slot).parent) {
         let theirs = levels(tree, child);
-        let same = theirs.len() > common.level && theirs.iter().zip(&before).all(|((level, _), mine)| level == mine);
-        let round = theirs.get(common.level).filter(|_| same).and_then(|(level, _)| level.rounds.get(number).cloned());
+        let same =
+            theirs.len() > common.level && theirs.iter().zip(&before).all(|((level, _), mine)| level == mine);
+        let round = theirs
+            .get(common.level)
+            .filter(|_| same)
+            .and_then(|(level, _)| level.rounds.get(number).cloned());
         if let Some(round) = round.filter(|round| !steps.contains(round)) {
             steps.push(round);
         }
