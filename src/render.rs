@@ -7,7 +7,7 @@ use miette::{Diagnostic, GraphicalReportHandler, GraphicalTheme, NamedSource};
 use vm::failure::Failure;
 use vm::value::{Symbol, Value};
 
-use crate::files::Files;
+use crate::files::{File, Files};
 
 /// How text is drawn.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -16,20 +16,20 @@ pub struct Style {
     pub colour: bool,
 }
 
-/// A diagnostic with the source that it points at.
+/// A diagnostic made safe to be shown, with the source that it points at.
 #[derive(Debug)]
-struct WithSource<'a> {
+struct Safe<'a> {
     inner: &'a dyn Diagnostic,
-    source: NamedSource<String>,
+    source: Option<NamedSource<String>>,
 }
 
-impl std::fmt::Display for WithSource<'_> {
+impl std::fmt::Display for Safe<'_> {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        std::fmt::Display::fmt(self.inner, f)
+        f.write_str(&printable(&self.inner.to_string()))
     }
 }
-impl std::error::Error for WithSource<'_> {}
-impl Diagnostic for WithSource<'_> {
+impl std::error::Error for Safe<'_> {}
+impl Diagnostic for Safe<'_> {
     fn code<'a>(&'a self) -> Option<Box<dyn std::fmt::Display + 'a>> {
         self.inner.code()
     }
@@ -37,34 +37,79 @@ impl Diagnostic for WithSource<'_> {
         self.inner.severity()
     }
     fn help<'a>(&'a self) -> Option<Box<dyn std::fmt::Display + 'a>> {
-        self.inner.help()
+        self.inner.help().map(|help| Box::new(printable(&help.to_string())) as Box<dyn std::fmt::Display>)
     }
     fn labels(&self) -> Option<Box<dyn Iterator<Item = miette::LabeledSpan> + '_>> {
-        self.inner.labels()
+        let labels = self.inner.labels().filter(|_| self.source.is_some())?;
+        Some(Box::new(labels.map(|mut label| {
+            label.set_label(label.label().map(printable));
+            label
+        })))
     }
     fn source_code(&self) -> Option<&dyn miette::SourceCode> {
-        Some(&self.source)
+        self.source.as_ref().map(|source| source as &dyn miette::SourceCode)
     }
 }
 
 /// A mistake in a program, with the lines that it is in.
 #[must_use]
 pub fn report(files: &Files, report: &Report, style: Style) -> String {
-    let file = files.get(report.span().file);
-    let (name, text) = file.map_or(("unknown", ""), |file| (&file.name, &file.text));
-    let inner = report.diagnostic();
-    let source = NamedSource::new(name, text.to_string());
-    draw(&WithSource { inner, source }, style)
+    match files.get(report.span().file) {
+        Some(file) => in_file(file, report.diagnostic(), style),
+        None => draw(report.diagnostic(), None, style),
+    }
 }
 
-/// Draws any diagnostic.
-fn draw(diagnostic: &dyn Diagnostic, style: Style) -> String {
+/// Lines longer than this are not shown, in bytes.
+const LONGEST_LINE: usize = 1000;
+
+/// Draws a diagnostic with the lines of the file that it points at.
+fn in_file(file: &File, diagnostic: &dyn Diagnostic, style: Style) -> String {
+    let labels: Vec<miette::LabeledSpan> = diagnostic.labels().into_iter().flatten().collect();
+    if labels.iter().all(|label| has_short_lines(&file.text, label.offset(), label.len())) {
+        return draw(diagnostic, Some(file), style);
+    }
+    let mut text = draw(diagnostic, None, style);
+    for label in &labels {
+        let before = file.text.get(..label.offset()).unwrap_or_default();
+        let line = before.matches('\n').count() + 1;
+        let column = before.rsplit('\n').next().map_or(0, |line| line.chars().count()) + 1;
+        let _ = writeln!(text, "  {}:{line}:{column}: {}", file.name, printable(label.label().unwrap_or("here")));
+    }
+    text
+}
+
+/// True if the lines that a label touches, and those beside them, are not too long to be read.
+fn has_short_lines(text: &str, start: usize, len: usize) -> bool {
+    let (Some(before), Some(after)) = (text.get(..start), text.get(start + len..)) else { return true };
+    let first = before.len() - before.rsplit('\n').take(2).map(|line| line.len() + 1).sum::<usize>().min(before.len());
+    let last = start + len + after.split('\n').take(2).map(|line| line.len() + 1).sum::<usize>().min(after.len());
+    text.get(first..last).is_none_or(|lines| lines.lines().all(|line| line.len() <= LONGEST_LINE))
+}
+
+/// A text of the same length without characters that a terminal would obey.
+fn printable(text: &str) -> String {
+    let harmless = |c: char| match c {
+        '\n' | '\t' | '\r' => c,
+        // Direction marks make text look like another text.
+        '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}' => '\u{fffd}',
+        c if c.is_control() && c.len_utf8() == 1 => '?',
+        c if c.is_control() => '\u{bf}',
+        c => c,
+    };
+    text.chars().map(harmless).collect()
+}
+
+/// Draws a diagnostic, with lines of a file or without.
+fn draw(diagnostic: &dyn Diagnostic, file: Option<&File>, style: Style) -> String {
+    let source = file.map(|file| NamedSource::new(printable(&file.name), printable(&file.text)));
+    let safe = Safe { inner: diagnostic, source };
     let theme = if style.colour { GraphicalTheme::unicode() } else { GraphicalTheme::unicode_nocolor() };
     let handler = GraphicalReportHandler::new_themed(theme).with_width(100).with_links(false);
     let mut out = String::new();
-    match handler.render_report(&mut out, diagnostic) {
+    match handler.render_report(&mut out, &safe) {
         Ok(()) => out,
-        Err(_) => format!("{diagnostic}\n"),
+        Err(_) => format!("{safe}\n"),
     }
 }
 
@@ -93,11 +138,13 @@ pub fn failure(files: &Files, failure: &Value) -> String {
 pub fn failure_in_source(files: &Files, failure: &Value, style: Style) -> String {
     let mut out = String::new();
     for (lead, _, it) in with_reasons(failure) {
-        let source = it.place.and_then(|place| files.get(grammar::FileId(place.file)));
+        // What stops a run between two instructions may have no place.
+        let place = it.place.filter(|place| *place != vm::Place::default());
+        let source = place.and_then(|place| files.get(grammar::FileId(place.file)));
         let shown = ShownFailure { lead, failure: it, in_source: source.is_some() };
         out += &match source {
-            Some(file) => draw(&WithSource { inner: &shown, source: NamedSource::new(&file.name, file.text.clone()) }, style),
-            None => draw(&shown, style),
+            Some(file) => in_file(file, &shown, style),
+            None => draw(&shown, None, style),
         };
     }
     out
@@ -161,5 +208,26 @@ impl Diagnostic for ShownFailure<'_> {
         let place = self.failure.place.filter(|_| self.in_source)?;
         let span = grammar::Span { file: grammar::FileId(place.file), start: place.start, end: place.end };
         Some(Box::new(std::iter::once(miette::LabeledSpan::new_with_span(Some("failed here".into()), span))))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn printable_text_keeps_its_length() {
+        let text = "a\u{1b}[31m\u{85}\u{202e}ö\n";
+        assert_eq!(printable(text).len(), text.len());
+        assert!(!printable(text).contains(['\u{1b}', '\u{202e}', '\u{85}']));
+    }
+
+    #[test]
+    fn long_lines_are_not_shown() {
+        let long = format!("short\n{}\nshort\nshort", "x".repeat(LONGEST_LINE + 1));
+        assert!(!has_short_lines(&long, 8, 1));
+        assert!(!has_short_lines(&long, 0, 2));
+        assert!(has_short_lines(&long, long.len() - 2, 2));
+        assert!(has_short_lines("", 0, 0));
     }
 }

@@ -8,11 +8,13 @@
 //! `UPDATE_EXPECT=1` writes what came out over what was expected: read the difference.
 
 mod arrows;
+mod cmd;
 mod diagnostics;
 mod docs;
 mod expected;
 mod fuzz_regressions;
 mod limits;
 mod program;
+mod repl;
 mod run;
 mod treatments;

@@ -26,7 +26,7 @@ pub fn failure(files: &Files, program: &Program, value: &Value) -> Json {
 
 fn add_places(files: &Files, value: &Value, json: &mut Json) {
     let (Some(it), Json::Object(_)) = (value.as_failure(), &json) else { return };
-    if let Some(at) = it.place {
+    if let Some(at) = it.place.filter(|at| *at != Place::default()) {
         json["place"] = place(files, at);
     }
     if let (Some(cause), Some(json)) = (&it.cause, json.get_mut("cause")) {

@@ -175,7 +175,7 @@ fn again(session: &mut Session, job: &Job, call: Option<&str>, start: &Start<'_>
 fn call(session: &Session, job: &Job) -> Result<Option<String>, Trouble> {
     for arg in &job.args {
         let parsed = grammar::parse(grammar::FileId(0), arg);
-        if parsed.errors.first().is_some() || parsed.forms.len() != 1 {
+        if !parsed.errors.is_empty() || parsed.forms.len() != 1 {
             let why = parsed.errors.first().map_or(format!("it has {} forms, not one", parsed.forms.len()), ToString::to_string);
             let what = format!("--arg {} is no form: {why}", vm::show::safe(arg));
             return Err(Trouble::new(what, "each --arg is one form, as it stands in a program: --arg \"'milk\" --arg 3 --arg '\"text\"'"));

@@ -12,7 +12,7 @@ use super::Trouble;
 #[derive(Debug, Clone, Args)]
 pub struct Settings {
     /// Key of all random draws
-    #[arg(long, value_name = "N", default_value_t = 0)]
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = count)]
     pub seed: u64,
     /// Most calls and backward jumps
     #[arg(long, value_name = "N", value_parser = count, help_heading = "Limits")]

@@ -94,35 +94,42 @@ pub fn run(it: &Test) -> Answer {
     })
 }
 
+/// Why a file cannot be tested.
+struct Broken {
+    reports: Vec<Report>,
+    /// What left one of its top-level forms.
+    failure: Option<Value>,
+}
+
 /// A session with the file loaded and its top-level forms run.
-fn load(options: &Options, path: &Path) -> Result<Session, (Session, Vec<Report>, Option<Value>)> {
+fn load(options: &Options, path: &Path) -> (Session, Result<(), Broken>) {
     let mut session = Session::new(options.clone());
     let loaded = match session.load_file(path) {
         Ok(loaded) => loaded,
-        // It could be read a moment ago.
-        Err(why) => return Err((session, Vec::new(), Some(Value::str(why)))),
+        // It could be opened a moment ago.
+        Err(why) => return (session, Err(Broken { reports: Vec::new(), failure: Some(Value::str(why)) })),
     };
     if !loaded.reports.iter().all(Report::is_warning) {
-        return Err((session, loaded.reports, None));
+        return (session, Err(Broken { reports: loaded.reports, failure: None }));
     }
     for init in loaded.init {
         if let Progress::Ended(Err(failure)) = session.call_until(init, Vec::new(), &mut Printed::default()) {
-            return Err((session, Vec::new(), Some(failure)));
+            return (session, Err(Broken { reports: Vec::new(), failure: Some(failure) }));
         }
     }
-    Ok(session)
+    (session, Ok(()))
 }
 
 fn test_file(it: &Test, options: &Options, path: &Path, tally: &mut Tally) {
-    let session = match readable(path).map(|()| load(options, path)) {
-        Ok(Ok(session)) => session,
-        Ok(Err((session, reports, failure))) => return broken(it, &session, &reports, failure, tally),
-        Err(trouble) => {
-            tally.broken += 1;
-            tally.errors.push(json!({"severity": "error", "message": trouble.what, "file": path}));
-            return if it.json { } else { term::say(&term::trouble(&trouble)) };
-        }
-    };
+    if let Err(trouble) = readable(path) {
+        tally.broken += 1;
+        tally.errors.push(json!({"severity": "error", "message": trouble.what, "file": path}));
+        return if it.json { } else { term::say(&term::trouble(&trouble)) };
+    }
+    let (session, loaded) = load(options, path);
+    if let Err(why) = loaded {
+        return broken(it, &session, &why, tally);
+    }
     let tests = tests(&session, &it.filter);
     if !it.json {
         term::say(&format!("{}: {}\n", path.display(), count(tests.len(), "test")));
@@ -130,10 +137,9 @@ fn test_file(it: &Test, options: &Options, path: &Path, tally: &mut Tally) {
     // The session that listed the tests is as good as new for the first of them.
     let mut fresh = Some(session);
     for (name, _) in tests {
-        let session = fresh.take().map_or_else(|| load(options, path), Ok);
-        match session {
-            Ok(session) => test_one(it, session, path, name, tally),
-            Err((session, reports, failure)) => broken(it, &session, &reports, failure, tally),
+        match fresh.take().map_or_else(|| load(options, path), |session| (session, Ok(()))) {
+            (session, Ok(())) => test_one(it, session, path, name, tally),
+            (session, Err(why)) => broken(it, &session, &why, tally),
         }
         if interrupt::asked() {
             return;
@@ -160,10 +166,11 @@ fn tests(session: &Session, filter: &str) -> Vec<(Symbol, u32)> {
 }
 
 /// A file that cannot be loaded: all that is wrong with it.
-fn broken(it: &Test, session: &Session, reports: &[Report], failure: Option<Value>, tally: &mut Tally) {
+fn broken(it: &Test, session: &Session, why: &Broken, tally: &mut Tally) {
+    let Broken { reports, failure } = why;
     tally.broken += 1;
     tally.errors.extend(reports.iter().map(|report| json::report(&session.files, report)));
-    if let Some(failure) = &failure {
+    if let Some(failure) = failure {
         let message = "a top-level form failed when the file was loaded";
         let failure = json::failure(&session.files, &session.machine.program, failure);
         tally.errors.push(json!({"severity": "error", "message": message, "failure": failure}));
@@ -172,7 +179,7 @@ fn broken(it: &Test, session: &Session, reports: &[Report], failure: Option<Valu
         return;
     }
     reports.iter().for_each(|report| term::say(&session.report(report)));
-    match &failure {
+    match failure {
         Some(failure) if failure.as_failure().is_some() => term::say(&run::failure_text(session, failure)),
         Some(why) => term::say(&format!("error: {}\n", vm::print::display(why))),
         None => {}

@@ -149,7 +149,12 @@ impl Completer for Typing {
             return self.files.complete(line, pos, ctx);
         }
         let (start, found) = complete::candidates(&self.names, line, pos);
-        let pair = |name: String| Pair { display: name.clone(), replacement: name };
+        let pair = |name: String| {
+            // A command that wants something is followed by it.
+            let wants = commands::COMMANDS.iter().any(|(known, wants, _)| *known == name && !wants.is_empty());
+            let replacement = if wants { format!("{name} ") } else { name.clone() };
+            Pair { display: name, replacement }
+        };
         Ok((start, found.into_iter().map(pair).collect()))
     }
 }
