@@ -23,17 +23,14 @@ impl Lower<'_> {
     }
 
     pub(super) fn and_or(&mut self, parts: &[Expr], dst: u8, stop: fn(u8, Pc) -> Op) {
-        // The value goes to `dst` at the end only: the parts may look at what is there.
         let end = self.label();
-        let value = self.register();
         for (i, part) in parts.iter().enumerate() {
-            self.step(|it| it.expr(part, value, Use::Value));
+            self.step(|it| it.expr(part, dst, Use::Value));
             if i + 1 < parts.len() {
-                self.jump_to(end, |to| stop(value, to));
+                self.jump_to(end, |to| stop(dst, to));
             }
         }
         self.bind(end);
-        self.emit(Op::Move(dst, value));
     }
 
     pub(super) fn tail_and_or(&mut self, parts: &[Expr], or: bool) {
@@ -246,10 +243,7 @@ impl Lower<'_> {
         self.emit(Op::Mark(mark));
         self.bind(start);
         self.open(FormKind::Guarded { handler: Pc(handler.0 as u32), failure });
-        let value = self.register();
-        self.body(body, value, used);
-        // The last instruction of the body may be a call: what follows it must be in the range.
-        self.emit(Op::Move(dst, value));
+        self.body(body, dst, used);
         self.close();
         self.jump_to(end, Op::Jump);
         self.bind(handler);
@@ -355,8 +349,7 @@ impl Lower<'_> {
         let start = self.label();
         self.protections.push(Protection { pending, cleanup: start, exits: Vec::new(), depths: Vec::new() });
         self.open(FormKind::Protected { cleanup: Pc(start.0 as u32), pending });
-        let value = self.register();
-        self.expr(body, value, used);
+        self.expr(body, dst, used);
         self.emit(Op::Nil(pending));
         self.close();
         let Some(protection) = self.protections.pop() else { return };
@@ -371,8 +364,6 @@ impl Lower<'_> {
                 });
             });
         }
-        // Calls leave their program counter behind them: the range must not end with one.
-        self.emit(Op::Move(pending, pending));
         self.close();
         self.emit(Op::EndCleanUp(pending));
         for (number, (exit, depth)) in protection.exits.iter().zip(&protection.depths).enumerate() {
@@ -381,6 +372,5 @@ impl Lower<'_> {
             self.leave(*exit, *depth);
             self.bind(next);
         }
-        self.emit(Op::Move(dst, value));
     }
 }

@@ -22,6 +22,9 @@ use crate::module::{Found, Meaning, ModuleId, nearest};
 
 pub(crate) use params::ParamForms;
 
+/// Nobody reads the help of more errors than this, and finding it takes time.
+const MOST_HELPED: usize = 100;
+
 /// What `retry`, `return` and `propagate` mean at a place.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Around {
@@ -213,6 +216,9 @@ impl Compiler<'_> {
     }
 
     fn unknown_name(&mut self, scope: &Scope, name: Symbol, at: Span) {
+        if self.reports.len() >= MOST_HELPED {
+            return self.error(CompileError::UnknownName { name: name.to_string(), at, help: None });
+        }
         let visible = self.modules.visible(scope.module);
         let locals = scope.all_names();
         let candidates = locals.iter().chain(&visible).map(|it| it.as_str());
