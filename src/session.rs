@@ -93,8 +93,6 @@ pub struct Session {
     /// A sealed run came to the end of its log: what happened after that step means nothing.
     pub log_ended: bool,
     style: Style,
-    /// How many entries of the log the output knows of.
-    logged: usize,
 }
 
 /// The root's part of a run: prints, reads files, compiles the code of edits.
@@ -140,6 +138,11 @@ impl Host for Door<'_> {
             }
         }
     }
+    fn commit(&mut self, entry: &Entry) {
+        if !*self.log_ended {
+            self.output.logged(entry);
+        }
+    }
     fn compile(&mut self, program: &mut Program, code: CodeRequest<'_>) -> Result<FnId, String> {
         let compiled = self.front.compile_edit(program, code.form, code.plan, code.original);
         compiled.map_err(|reports| {
@@ -180,7 +183,7 @@ impl Session {
             library.push(module);
         }
         let module = front.new_module("user");
-        let mut session = Session { files, front, machine, module, stop_at: None, sealed: false, log_ended: false, style: options.style, logged: 0 };
+        let mut session = Session { files, front, machine, module, stop_at: None, sealed: false, log_ended: false, style: options.style };
         for loaded in library {
             let errors: Vec<String> = loaded.reports.iter().map(|it| session.report(it)).collect();
             assert!(errors.is_empty(), "the library has errors:\n{}", errors.join("\n"));
@@ -259,10 +262,6 @@ impl Session {
             let round = self.machine.steps() + QUANTUM;
             let stop = self.stop_at.map_or(round, |stop| stop.min(round));
             let progress = self.go(output, Some(stop));
-            for entry in self.machine.log.entries.iter().skip(self.logged) {
-                output.logged(entry);
-                self.logged += 1;
-            }
             let there = self.stop_at.is_some_and(|stop| self.machine.steps() >= stop);
             if self.log_ended {
                 return Progress::Stopped;
@@ -283,7 +282,6 @@ impl Session {
 
     /// Uses what came from outside in an earlier run instead of asking again.
     pub fn replay(&mut self, log: Log) {
-        self.logged = log.entries.len();
         self.machine.log = log.rewound();
     }
 

@@ -48,7 +48,10 @@ fn text(program: &Program, entry: Pc, operand: Operand) -> String {
         Operand::Reg(register) => format!("r{register}"),
         Operand::Num(number) => number.to_string(),
         Operand::Target(pc) => format!("@{}", pc.0.saturating_sub(entry.0)),
-        Operand::Const(id) => program.constants.get(id.at()).map_or("?".into(), print::brief),
+        Operand::Const(id) => {
+            let shown = |value| print::Printer::new(Some(program), true, 80).text(value);
+            program.constants.get(id.at()).map_or("?".into(), shown)
+        }
         Operand::Global(id) => program.globals.get(id.at()).map_or("?".into(), |name| name.to_string()),
         Operand::Function(id) => program.functions.get(id.at()).map_or("?".into(), |it| it.name.to_string()),
         Operand::Native(id) => program.natives.get(id.at()).map_or("?".into(), |it| it.name.to_string()),

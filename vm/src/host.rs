@@ -3,6 +3,7 @@
 use serde_json::Value as Json;
 
 use crate::code::{FnId, Program};
+use crate::log::Entry;
 use crate::value::Value;
 
 /// A question to the world outside of the run. Its answer becomes an event of the run's log.
@@ -41,6 +42,10 @@ pub trait Host {
     /// # Errors
     /// A sentence for the user: what could not be done, and why.
     fn answer(&mut self, request: &Request) -> Result<Json, String>;
+
+    /// Told what came from outside before the run goes on with it: written down now, it is there
+    /// after a crash.
+    fn commit(&mut self, _entry: &Entry) {}
 
     /// Compiles the code of an edit into the program.
     ///

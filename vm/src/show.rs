@@ -126,13 +126,20 @@ pub fn text(program: &Program, tree: &Tree, most: usize) -> String {
         for (i, child) in children.iter().enumerate().rev() {
             let (branch, below) =
                 if i + 1 == children.len() { ("└─ ", "   ") } else { ("├─ ", "│  ") };
-            todo.push((*child, format!("{indent}{branch}"), format!("{indent}{below}")));
+            let below = if indent.len() < WIDEST_INDENT { format!("{indent}{below}") } else { indent.clone() };
+            todo.push((*child, format!("{indent}{branch}"), below));
         }
     }
     out
 }
 
-/// The tree as JSON: an array of nodes, each with the number of its parent in the array.
+/// Longer paths are left out of JSON, in bytes.
+const LONGEST_PATH: usize = 4000;
+/// Deeper nodes are not indented further, in bytes.
+const WIDEST_INDENT: usize = 400;
+
+/// The tree as JSON: an array of nodes, each with the number of its parent in the array, and its
+/// path unless it is very long.
 #[must_use]
 pub fn json(program: &Program, tree: &Tree) -> Json {
     let mut nodes = Vec::new();
@@ -149,7 +156,11 @@ pub fn json(program: &Program, tree: &Tree) -> Json {
             let rank = ranks.entry(name.as_str()).or_insert(0);
             *rank += 1;
             let call = if *rank == 1 { String::new() } else { format!(" :call {rank}") };
-            below.push((child, Some(number), format!("{path} / {name}{call}")));
+            let longer = match path.is_empty() || path.len() > LONGEST_PATH {
+                true => String::new(),
+                false => format!("{path} / {name}{call}"),
+            };
+            below.push((child, Some(number), longer));
         }
         todo.extend(below.into_iter().rev());
     }
@@ -169,7 +180,8 @@ fn node_json(
         |value: &Value| Json::String(Printer::new(Some(program), true, crate::print::LIMIT).text(value));
     let mut node = JsonMap::new();
     node.insert("name".into(), json!(tree.slot(slot).name.as_str()));
-    node.insert("path".into(), json!(path));
+    // The path of a node a million calls deep would be longer than all that is worth saying.
+    node.insert("path".into(), if path.is_empty() { Json::Null } else { json!(path) });
     node.insert("parent".into(), json!(parent));
     node.insert("kind".into(), json!(record.kind.word()));
     node.insert("status".into(), json!(record.status.word()));

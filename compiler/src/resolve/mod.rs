@@ -252,7 +252,12 @@ impl Compiler<'_> {
     // ------------------------------------------------------------------ calls
 
     fn list(&mut self, scope: &mut Scope, form: &Form, head: &Form, args: &[Form]) -> Expr {
-        if let Some(name) = head.symbol() {
+        let value = ["nil", "true", "false"].into_iter().find(|name| head.is(name));
+        if value.is_some() && self.reports.iter().any(|report| matches!(report, crate::Report::Parse(_))) {
+            // nil stands for what could not be read, and that has been said.
+            return Expr::nil(form.span);
+        }
+        if let Some(name) = head.symbol().filter(|_| value.is_none()) {
             if scope.variable(name, head.span).is_none() {
                 if let Some(special) = special::find(&name) {
                     return special(self, scope, form, args);

@@ -309,12 +309,20 @@ impl Machine {
         }
     }
 
-    /// Raises a failure between two instructions. Answers the outcome if nothing takes it.
-    fn inject(&mut self, host: &mut dyn Host, raise: Raise) -> Option<Outcome> {
+    /// Raises a failure in the call of a native that has just been left.
+    fn refuse(&mut self, host: &mut dyn Host, raise: Raise) -> Option<Outcome> {
         match self.unwind(host, raise)? {
             Exit::Failed(failure) => self.end_run(Err(failure)),
             _ => None,
         }
+    }
+
+    /// Raises a failure between two instructions. Answers the outcome if nothing takes it.
+    fn inject(&mut self, host: &mut dyn Host, raise: Raise) -> Option<Outcome> {
+        // Frames are looked up one instruction back, where calls stand; the one that the run has
+        // come to is not done, but it is the place.
+        self.top().pc += 1;
+        self.refuse(host, raise)
     }
 
     /// The first time a failure, with some fuel left for clean-ups; then the end.
@@ -358,8 +366,8 @@ impl Machine {
         None
     }
 
-    /// Ends the run without another instruction.
-    fn abandon(&mut self, failure: Failure) -> Value {
+    /// Ends the run without another instruction: what is running fails with this.
+    pub fn abandon(&mut self, failure: Failure) -> Value {
         let failure = Value::failure(failure);
         let run = self.bottom();
         let open: Vec<RecId> =
@@ -382,10 +390,11 @@ impl Machine {
                 let answer = host.answer(request);
                 let (round, step, clock) = (self.round, self.steps, self.top().now);
                 let entry = Entry { round, step, clock, request: words, answer };
+                host.commit(&entry);
                 self.log.add(entry.clone());
                 entry
             }
-            Err(differs) => return self.inject(host, Box::new(Failure::new(Builtin::ProgramError, differs))),
+            Err(differs) => return self.refuse(host, Box::new(Failure::new(Builtin::ProgramError, differs))),
         };
         match entry.answer {
             Ok(answer) => {
@@ -398,7 +407,7 @@ impl Machine {
                     Request::Clock => Value::NIL,
                 };
                 let fields = vec![("message", Value::str(why)), ("path", path)];
-                self.inject(host, Box::new(Failure::with(Builtin::FileFailure, fields)))
+                self.refuse(host, Box::new(Failure::with(Builtin::FileFailure, fields)))
             }
         }
     }
@@ -469,9 +478,11 @@ impl Machine {
     #[must_use]
     pub fn backtrace(&self, most: usize) -> Vec<(FnId, Pc)> {
         let Some(run) = self.runs.last() else { return Vec::new() };
-        let pcs = std::iter::once(run.pc).chain(run.frames.iter().rev().map(|frame| frame.pc));
-        let calls = pcs.filter(|pc| *pc != RESUME).map(|pc| Pc(pc.saturating_sub(1)));
-        calls.filter_map(|pc| Some((self.program.function_at(pc)?, pc))).take(most).collect()
+        // The innermost frame stands before an instruction, the others behind their calls.
+        let calls = run.frames.iter().rev().filter(|frame| frame.pc != RESUME).map(|frame| Pc(frame.pc - 1));
+        let innermost = (run.pc != RESUME).then_some(Pc(run.pc));
+        let places = innermost.into_iter().chain(calls);
+        places.filter_map(|pc| Some((self.program.function_at(pc)?, pc))).take(most).collect()
     }
 }
 
