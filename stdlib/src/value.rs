@@ -4,7 +4,8 @@ use std::cmp::Ordering;
 
 use vm::desc::Desc;
 use vm::failure::Failure;
-use vm::native::{Raise, index, map_key, too_large, type_error};
+use vm::machine::Ctx;
+use vm::native::{Next, Raise, index, map_key, too_large, type_error};
 use vm::value::{COMPARE_LIMIT, Imm, Obj, Symbol, Value, compare as order};
 
 use crate::table::natives;
@@ -20,7 +21,7 @@ natives! {
     "comes-before?" [2] => |args: &[Value]| Ok(Value::bool(ordering(&args[0], &args[1])?.is_lt()));
     "type-of" [1] => |args: &[Value]| Ok(crate::symbol::named(args[0].type_name()));
     "boolean?" [1] => |args: &[Value]| Ok(Value::bool(matches!(args[0], Value::Imm(Imm::Bool(_)))));
-    "get" [2 3] => get;
+    "get" [2 3] in ctx => get;
 }
 
 fn identical(args: &[Value]) -> Result<Value, Raise> {
@@ -35,9 +36,12 @@ fn compare(args: &[Value]) -> Result<Value, Raise> {
     Ok(Value::int(ordering(&args[0], &args[1])? as i64))
 }
 
-fn get(args: &[Value]) -> Result<Value, Raise> {
+fn get(ctx: &mut Ctx<'_>, args: &[Value]) -> Result<Next, Raise> {
+    if args[0].as_failure().is_some() {
+        vm::failure::name_tasks(ctx.tree(), &args[0]);
+    }
     let found = part(&args[0], &args[1])?;
-    Ok(found.or_else(|| args.get(2).cloned()).unwrap_or_default())
+    Ok(found.or_else(|| args.get(2).cloned()).unwrap_or_default().into())
 }
 
 /// The order of two values by content, unless they are too large to tell.

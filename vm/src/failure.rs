@@ -4,12 +4,12 @@
 //! its subtypes. The types that the machine itself raises have fixed numbers.
 
 use std::cell::OnceCell;
-use std::rc::Rc;
+use std::rc::{Rc, Weak};
 
 use rustc_hash::FxHashMap;
 
 use crate::code::Place;
-use crate::path::Path;
+use crate::path::{Path, Paths};
 use crate::tree::{SlotId, Tree};
 use crate::value::{Symbol, Value};
 
@@ -46,11 +46,6 @@ pub struct Task {
 }
 
 impl Task {
-    /// The task at a slot of the tree that is being grown.
-    #[must_use]
-    pub fn at(slot: SlotId) -> Task {
-        Task { slot, path: OnceCell::new() }
-    }
     /// A task whose path is known.
     #[must_use]
     pub fn of_path(path: &str) -> Task {
@@ -58,8 +53,8 @@ impl Task {
     }
 }
 
-/// Gives the tasks of a failure, its causes and those beside it their paths. Whoever takes a
-/// failure out of a tree does this while the tree is at hand.
+/// Gives the tasks of a failure, its causes and those beside it their paths. `tree` is that of the
+/// run that is going on; tasks of other runs have been named when these ended.
 pub fn name_tasks(tree: &Tree, failure: &Value) {
     let mut todo = vec![failure];
     while let Some(value) = todo.pop() {
@@ -68,6 +63,37 @@ pub fn name_tasks(tree: &Tree, failure: &Value) {
             task.path.get_or_init(|| Path::of(tree, task.slot).show().into());
         }
         todo.extend(failure.cause.iter().chain(&failure.also));
+    }
+}
+
+/// The tasks of the failures that a run has raised and that somebody may still have. They are named
+/// when their tree goes away, or when another one takes its place for a while.
+#[derive(Debug, Default)]
+pub(crate) struct Raised {
+    tasks: Vec<Weak<Task>>,
+    /// So many may come before those that nobody has any more are left out.
+    most: usize,
+}
+
+impl Raised {
+    /// The task at a slot, for a failure that is raised there.
+    pub(crate) fn add(&mut self, slot: SlotId) -> Rc<Task> {
+        const FEW: usize = 64;
+        if self.tasks.len() >= self.most {
+            self.tasks.retain(|task| task.strong_count() > 0);
+            self.most = (2 * self.tasks.len()).max(FEW);
+        }
+        let task = Rc::new(Task { slot, path: OnceCell::new() });
+        self.tasks.push(Rc::downgrade(&task));
+        task
+    }
+
+    /// Gives all of them their paths in the tree of their run.
+    pub(crate) fn name(&mut self, tree: &Tree) {
+        let mut paths = Paths::of(tree);
+        for task in self.tasks.drain(..).filter_map(|task| task.upgrade()) {
+            task.path.get_or_init(|| paths.path(task.slot).show().into());
+        }
     }
 }
 

@@ -3,6 +3,8 @@
 //! `top-level / transporting :call 2 / fetching`: names from the root, with the rank among
 //! siblings of one name where it is not 1. Attempts are never part of a path.
 
+use rustc_hash::{FxHashMap, FxHashSet};
+
 use crate::tree::{ROOT, SlotId, Tree};
 use crate::value::Symbol;
 
@@ -99,6 +101,44 @@ impl Path {
             })?;
         }
         Ok(at)
+    }
+}
+
+/// Paths of many slots of one tree: the siblings of each are counted once.
+pub(crate) struct Paths<'t> {
+    tree: &'t Tree,
+    counted: FxHashSet<SlotId>,
+    calls: FxHashMap<SlotId, u32>,
+}
+
+impl<'t> Paths<'t> {
+    pub(crate) fn of(tree: &'t Tree) -> Paths<'t> {
+        Paths { tree, counted: FxHashSet::default(), calls: FxHashMap::default() }
+    }
+
+    /// What [`Path::of`] gives.
+    pub(crate) fn path(&mut self, slot: SlotId) -> Path {
+        let mut steps = Vec::new();
+        let mut at = slot;
+        while at != ROOT && at.0 != 0 {
+            let it = self.tree.slot(at);
+            if self.counted.insert(it.parent) {
+                self.count(it.parent);
+            }
+            steps.push(PathStep { name: it.name, call: self.calls.get(&at).copied().unwrap_or(1) });
+            at = it.parent;
+        }
+        steps.reverse();
+        Path { steps }
+    }
+
+    fn count(&mut self, parent: SlotId) {
+        let mut ranks: FxHashMap<Symbol, u32> = FxHashMap::default();
+        for child in self.tree.children(parent) {
+            let rank = ranks.entry(self.tree.slot(child).name).or_insert(0);
+            *rank += 1;
+            self.calls.insert(child, *rank);
+        }
     }
 }
 

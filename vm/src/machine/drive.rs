@@ -167,6 +167,7 @@ impl Machine {
             return Err(self.over(Builtin::TooDeep, "run-plan is nested deeper than", MOST_RUNS, "runs"));
         }
         let below = self.top();
+        below.raised.name(&below.tree);
         let deliver = below.base as usize + d as usize;
         let mut run = Run::new(start, false);
         run.deliver = deliver;

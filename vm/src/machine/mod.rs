@@ -26,7 +26,7 @@ use rustc_hash::FxHashMap;
 use serde_json::Value as Json;
 
 use crate::code::{FnId, Pc, Program};
-use crate::failure::{Builtin, Failure};
+use crate::failure::{Builtin, Failure, Raised};
 use crate::host::{Host, Request};
 use crate::key::{Chain, Key, Step};
 use crate::limits::{Grants, Limits};
@@ -114,6 +114,8 @@ struct Run {
     handling: Vec<obligation::Handling>,
     /// The form that the failure on its way is leaving: handlers inside of it have seen it.
     leaving: Option<u32>,
+    /// Tasks of failures that have been raised.
+    raised: Raised,
     /// All plan calls take the long way, which tells the host of them.
     traced: bool,
     /// The register of the run below that takes the tree.
@@ -147,6 +149,7 @@ impl Run {
             handling: Vec::new(),
             cleanups: Vec::new(),
             leaving: None,
+            raised: Raised::default(),
             traced,
             deliver: 0,
         }
@@ -257,6 +260,7 @@ impl Machine {
     pub fn restart(&mut self, keep: bool) {
         let run = self.bottom();
         let traced = run.traced;
+        run.raised.name(&run.tree);
         let mut tree = std::mem::take(&mut run.tree);
         if !keep {
             tree.forget();
@@ -349,13 +353,14 @@ impl Machine {
 
     /// An inner run hands its tree to the run below; the end of the outermost is the outcome.
     fn end_run(&mut self, outcome: Outcome) -> Option<Outcome> {
-        if let Err(failure) = &outcome {
-            crate::failure::name_tasks(&self.top().tree, failure);
-        }
         if self.runs.len() == 1 {
+            if let Err(failure) = &outcome {
+                crate::failure::name_tasks(&self.top().tree, failure);
+            }
             return Some(outcome);
         }
         let mut inner = self.runs.pop()?;
+        inner.raised.name(&inner.tree);
         let (status, value) = match outcome {
             Ok(value) => (Status::Succeeded, value),
             Err(failure) => (Status::Failed, failure),

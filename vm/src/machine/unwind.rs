@@ -3,10 +3,7 @@
 //! Handlers and clean-ups cost nothing until a failure looks for them: each frame it leaves is
 //! looked up in the form map, innermost form first.
 
-use std::rc::Rc;
-
 use crate::code::{FnId, FormKind, Place};
-use crate::failure::Task;
 use crate::host::Host;
 use crate::native::Raise;
 use crate::tree::{DRIVEN, Status};
@@ -51,14 +48,14 @@ impl Machine {
     }
 
     /// Notes where the failure was raised, unless it comes from elsewhere.
-    fn say_where(&self, raise: &mut Raise) {
-        let run = &self.runs[self.runs.len() - 1];
+    fn say_where(&mut self, raise: &mut Raise) {
         if raise.place.is_none() {
             raise.place = self.place_of_frame();
         }
         if raise.task.is_none() {
+            let run = self.top();
             let slot = run.tree.record(run.record(run.here)).slot;
-            raise.task = Some(Rc::new(Task::at(slot)));
+            raise.task = Some(run.raised.add(slot));
         }
     }
 
