@@ -144,7 +144,7 @@ impl Host for Door<'_> {
         }
     }
     fn compile(&mut self, program: &mut Program, code: CodeRequest<'_>) -> Result<FnId, String> {
-        let compiled = self.front.compile_edit(program, code.form, code.plan, code.original);
+        let compiled = self.front.compile_edit(program, &code);
         compiled.map_err(|reports| {
             let texts = reports.iter().map(|report| render::report(self.files, report, self.style));
             texts.collect::<Vec<_>>().join("\n")

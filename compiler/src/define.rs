@@ -35,8 +35,8 @@ const DEFINITIONS: &[&str] = &[
 
 /// A top-level form that does something when the file is loaded.
 enum Init {
-    Const(FnId, GlobalId, Form, Symbol),
-    Form(Form),
+    Const { id: FnId, global: GlobalId, value: Form, name: Symbol, within: Vec<ModuleId> },
+    Form(Form, Vec<ModuleId>),
 }
 
 /// Work on one text.
@@ -158,11 +158,31 @@ impl Compiler<'_> {
             };
             if let Some((used, functions)) = self.find_module(loader, &name, form.span.file, item.span) {
                 init.extend(functions);
+                self.check_only(used, &items[1..]);
                 let uses = Use { module: used, prefix, only: only.clone() };
                 self.modules.get_mut(module).uses.push(uses);
             }
         }
         init
+    }
+
+    /// Names after `:only` must be there.
+    fn check_only(&mut self, used: ModuleId, items: &[Form]) {
+        let is_only = |item: &Form| matches!(&item.kind, FormKind::Keyword(key) if *key == "only");
+        let Some(list) = items.iter().position(is_only).and_then(|at| items.get(at + 1)) else { return };
+        for item in list.list().unwrap_or_default() {
+            let Some(name) = item.symbol() else { continue };
+            let module = self.modules.get(used);
+            if module.names.contains_key(&name) && !crate::module::is_private(name) {
+                continue;
+            }
+            let near = crate::module::nearest(&name, module.names.keys().map(|name| name.as_str()));
+            let help = match near {
+                Some(near) => format!("did you mean `{near}`?"),
+                None => format!("the module `{}` does not define it", module.name),
+            };
+            self.error(CompileError::UnknownName { name: name.to_string(), at: item.span, help: Some(help) });
+        }
     }
 
     fn find_module(
@@ -216,19 +236,19 @@ impl Compiler<'_> {
             return;
         }
         let name = form.head().unwrap_or_default();
-        let meaning = match self.modules.look_up(work.module, name) {
+        let meaning = match self.look_up(work.module, name) {
             crate::module::Found::One(definition) => Some(definition.meaning),
             _ => None,
         };
         if let Some(Meaning::Macro(function, params)) = meaning {
-            self.expanding = level;
-            if let Some(expansion) = self.expand(work.module, name, function, &params, &form) {
+            if let Some(expansion) = self.expand(name, function, &params, &form) {
+                self.within.push(self.home(function).unwrap_or(work.module));
                 self.top_form(work, expansion, level + 1);
+                self.within.pop();
             }
-            self.expanding = 0;
             return;
         }
-        work.init.push(Init::Form(form));
+        work.init.push(Init::Form(form, self.within.clone()));
     }
 
     fn declare_form(&mut self, work: &mut Text, form: &Form) {
@@ -308,7 +328,8 @@ impl Compiler<'_> {
             work.changed.push(id);
         }
         (proto.kind, proto.params) = (kind, params.params.clone());
-        self.pending.insert(id, Pending { module, name, kind, params, body, span });
+        let within = self.within.clone();
+        self.pending.insert(id, Pending { module, name, kind, params, body, span, within });
         work.functions.push(id);
     }
 
@@ -328,7 +349,7 @@ impl Compiler<'_> {
                 self.program.globals.push(name);
             }
             let id = self.declare(name, FnKind::TopLevel, work.module);
-            work.init.push(Init::Const(id, global, value.clone(), name));
+            work.init.push(Init::Const { id, global, value: value.clone(), name, within: self.within.clone() });
         }
     }
 
@@ -386,7 +407,8 @@ impl Compiler<'_> {
         if self.define(work, name, Meaning::Test(id), doc, form) {
             let (module, kind, params, span) =
                 (work.module, FnKind::TopLevel, ParamForms::default(), form.span);
-            self.pending.insert(id, Pending { module, name, kind, params, body: body.to_vec(), span });
+            let within = self.within.clone();
+            self.pending.insert(id, Pending { module, name, kind, params, body: body.to_vec(), span, within });
             work.functions.push(id);
         }
     }
@@ -447,7 +469,8 @@ impl Compiler<'_> {
         let (_, body) = split_doc(body);
         let id = self.declare(name, FnKind::Function, work.module);
         let (module, kind, body, span) = (work.module, FnKind::Function, body.to_vec(), form.span);
-        self.pending.insert(id, Pending { module, name, kind, params, body, span });
+        let within = self.within.clone();
+        self.pending.insert(id, Pending { module, name, kind, params, body, span, within });
         self.opens.entry(open).or_default().push(id);
         work.functions.push(id);
     }
@@ -488,14 +511,16 @@ impl Compiler<'_> {
     /// Functions for the constants and forms of a text, in its order.
     fn inits(&mut self, work: &mut Text, file: FileId) -> Vec<FnId> {
         let mut functions = Vec::new();
-        let mut forms: Vec<Form> = Vec::new();
+        let mut forms: Vec<(Form, Vec<ModuleId>)> = Vec::new();
         for init in std::mem::take(&mut work.init) {
             match init {
-                Init::Form(form) => forms.push(form),
-                Init::Const(id, global, value, name) => {
+                Init::Form(form, within) => forms.push((form, within)),
+                Init::Const { id, global, value, name, within } => {
                     functions.extend(self.init_forms(work.module, &mut forms, file));
                     let mut scope = Scope::new(work.module, FnKind::TopLevel);
+                    self.within = within;
                     let value = self.expr(&mut scope, &value);
+                    self.within.clear();
                     let span = value.span;
                     let define = Expr::new(ExprKind::Define(global, Box::new(value)), span);
                     self.init_function(scope, id, name, vec![define], span);
@@ -508,10 +533,20 @@ impl Compiler<'_> {
         functions
     }
 
-    fn init_forms(&mut self, module: ModuleId, forms: &mut Vec<Form>, file: FileId) -> Option<FnId> {
-        let first = forms.first()?.span;
+    fn init_forms(
+        &mut self,
+        module: ModuleId,
+        forms: &mut Vec<(Form, Vec<ModuleId>)>,
+        file: FileId,
+    ) -> Option<FnId> {
+        let first = forms.first()?.0.span;
         let mut scope = Scope::new(module, FnKind::TopLevel);
-        let body = std::mem::take(forms).iter().map(|form| self.expr(&mut scope, form)).collect();
+        let mut body = Vec::new();
+        for (form, within) in std::mem::take(forms) {
+            self.within = within;
+            body.push(self.expr(&mut scope, &form));
+        }
+        self.within.clear();
         let name = Symbol::from("top-level");
         let id = self.declare(name, FnKind::TopLevel, module);
         self.init_function(scope, id, name, body, Span { file, ..first });

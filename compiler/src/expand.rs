@@ -14,7 +14,6 @@ use vm::value::{Symbol, Value};
 use crate::Compiler;
 use crate::data::{NoForm, Places, to_form, to_value};
 use crate::error::CompileError;
-use crate::module::ModuleId;
 
 /// How deep expansions may nest.
 const MOST_LEVELS: usize = 200;
@@ -25,14 +24,13 @@ impl Compiler<'_> {
     /// The expansion of a call of a macro, or nothing if there was an error.
     pub(crate) fn expand(
         &mut self,
-        _module: ModuleId,
         name: Symbol,
         function: FnId,
         params: &Params,
         form: &Form,
     ) -> Option<Form> {
         let at = form.span;
-        if self.expanding >= MOST_LEVELS {
+        if self.within.len() >= MOST_LEVELS {
             self.error(CompileError::ExpandedTooDeep { limit: MOST_LEVELS, at });
             return None;
         }

@@ -24,9 +24,10 @@ use std::rc::Rc;
 use grammar::{FileId, Form, ParseError, Span};
 use miette::Diagnostic;
 use vm::code::{FnId, FnKind, Function as Proto, GlobalId, Params, Place, Program};
+use vm::host::CodeRequest;
 use vm::limits::{Grants, Limits};
 use vm::machine::Machine;
-use vm::value::{Symbol, Value};
+use vm::value::Symbol;
 
 pub use define::Loaded;
 pub use error::CompileError;
@@ -124,6 +125,8 @@ pub(crate) struct Pending {
     params: ParamForms,
     body: Vec<Form>,
     span: Span,
+    /// The modules of the macros that made it.
+    within: Vec<ModuleId>,
 }
 
 impl Default for Front {
@@ -152,8 +155,9 @@ pub(crate) struct Compiler<'p> {
     front: &'p mut Front,
     program: &'p mut Program,
     reports: Vec<Report>,
-    /// How many macro expansions are around the form that is being resolved.
-    expanding: usize,
+    /// The modules of the macros whose expansions are around the form that is being resolved. A name
+    /// that means nothing where the macro is called means what it means there.
+    within: Vec<ModuleId>,
     /// The functions that the one being resolved mentions.
     mentioned: Vec<FnId>,
 }
@@ -185,12 +189,12 @@ impl Compiler<'_> {
     fn compile(&mut self, id: FnId) {
         let Some(pending) = self.pending.remove(&id) else { return };
         let mentioned = std::mem::take(&mut self.mentioned);
-        let expanding = std::mem::take(&mut self.expanding);
+        let within = std::mem::replace(&mut self.within, pending.within.clone());
         let scope = resolve::Scope::new(pending.module, pending.kind);
         let function = self.function(scope, pending.name, &pending.params, &pending.body, pending.span);
         self.lower(id, &function);
         let references = std::mem::replace(&mut self.mentioned, mentioned);
-        self.expanding = expanding;
+        self.within = within;
         self.references.insert(id, references);
         if self.keep_forms {
             self.sources.insert(id, Rc::new(pending));
@@ -315,17 +319,11 @@ impl Front {
     ///
     /// # Errors
     /// What is wrong with the code.
-    pub fn compile_edit(
-        &mut self,
-        program: &mut Program,
-        form: &Value,
-        plan: FnId,
-        original: bool,
-    ) -> Result<FnId, Vec<Report>> {
-        let module = self.homes.get(&plan).copied().unwrap_or(ModuleId(0));
+    pub fn compile_edit(&mut self, program: &mut Program, code: &CodeRequest<'_>) -> Result<FnId, Vec<Report>> {
+        let module = self.homes.get(&code.home).copied().unwrap_or(ModuleId(0));
         let mut id = FnId(0);
         let loaded = self.with(program, |compiler| {
-            id = compiler.edit(form, module, plan, original);
+            id = compiler.edit(code.form, module, code.plan, code.original);
             Vec::new()
         });
         match loaded.reports.iter().all(Report::is_warning) {
@@ -336,7 +334,7 @@ impl Front {
 
     fn with(&mut self, program: &mut Program, work: impl FnOnce(&mut Compiler<'_>) -> Vec<FnId>) -> Loaded {
         let mut compiler =
-            Compiler { front: self, program, reports: Vec::new(), expanding: 0, mentioned: Vec::new() };
+            Compiler { front: self, program, reports: Vec::new(), within: Vec::new(), mentioned: Vec::new() };
         let init = work(&mut compiler);
         let mut reports = compiler.reports;
         reports.sort_by_key(|report| (report.span().file, report.span().start, report.span().end));

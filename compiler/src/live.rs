@@ -112,20 +112,20 @@ impl Compiler<'_> {
     }
 
     fn expand_head(&mut self, module: ModuleId, mut form: Form) -> Form {
-        self.expanding = 0;
+        let within = std::mem::take(&mut self.within);
         while let Some(name) = form.head() {
             let Found::One(Definition { meaning: Meaning::Macro(function, params), .. }) =
                 self.modules.look_up(module, name)
             else {
                 break;
             };
-            match self.expand(module, name, function, &params, &form) {
+            match self.expand(name, function, &params, &form) {
                 Some(expansion) => form = expansion,
                 None => break,
             }
-            self.expanding += 1;
+            self.within.push(module);
         }
-        self.expanding = 0;
+        self.within = within;
         form
     }
 

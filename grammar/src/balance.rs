@@ -346,5 +346,5 @@ fn placeholder() -> Token {
 fn starts_definition(text: &str) -> bool {
     let name = text.split(|c: char| !crate::literal::is_symbol_char(c)).next().unwrap_or_default();
     name.starts_with("def-")
-        || matches!(name, "defun" | "defmacro" | "defvar" | "defparameter" | "defnative" | "module" | "use")
+        || matches!(name, "defun" | "defmacro" | "defvar" | "defparameter" | "module" | "use")
 }

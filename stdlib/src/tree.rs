@@ -39,7 +39,7 @@ natives! {
     "wrap" [2 ..] => |args: &[Value]| with_code(args, What::Wrap);
     "with-param" [3 ..] => with_param;
     "defer" [3 ..] => defer;
-    "owe" [6 ..] => owe;
+    "owe" [2 ..] => owe;
 }
 
 fn tree(value: &Value) -> Result<&Rc<Tree>, Raise> {
@@ -93,7 +93,7 @@ fn slot(args: &[Value]) -> Result<(&Rc<Tree>, SlotId), Raise> {
     let tree = tree(&args[0])?;
     let slot = match args.get(1) {
         Some(at) => path(at)?.find(tree).map_err(|why| range_error(why, at))?,
-        None => tree.children(ROOT).last().copied().unwrap_or(ROOT),
+        None => tree.root_plan(),
     };
     Ok((tree, slot))
 }

@@ -28,6 +28,9 @@ pub struct CodeRequest<'a> {
     pub form: &'a Value,
     /// The plan whose parameters it sees.
     pub plan: FnId,
+    /// The function in whose module its names mean something: the plan, or for an action the function
+    /// that performs it.
+    pub home: FnId,
     /// True if `(original)` may stand in it.
     pub original: bool,
 }

@@ -8,6 +8,9 @@ use rustc_hash::{FxHashMap, FxHashSet};
 use crate::tree::{ROOT, SlotId, Tree};
 use crate::value::Symbol;
 
+/// Of a longer path this many steps are shown to people from its start, and as many from its end.
+const SHOWN_STEPS: usize = 20;
+
 /// A path in a task tree.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Path {
@@ -55,7 +58,12 @@ impl Path {
             1 => step.name.to_string(),
             call => format!("{} :call {call}", step.name),
         });
-        std::iter::once("top-level".to_string()).chain(steps).collect::<Vec<_>>().join(" / ")
+        let mut words: Vec<String> = std::iter::once("top-level".to_string()).chain(steps).collect();
+        if words.len() > 2 * SHOWN_STEPS {
+            let more = words.len() - 2 * SHOWN_STEPS;
+            words.splice(SHOWN_STEPS..SHOWN_STEPS + more, [format!("… {more} more …")]);
+        }
+        words.join(" / ")
     }
 
     /// The path of a slot that the tree's run reached.

@@ -97,6 +97,9 @@ fn line(program: &Program, tree: &Tree, slot: SlotId, rec: RecId) -> String {
     if record.start != record.end {
         line += &format!("  [{} – {} s]", seconds(record.start), seconds(record.end));
     }
+    if record.flags & crate::tree::MOVED != 0 {
+        line += "  (its goal is checked later)";
+    }
     if let Some(extra) = tree.extra(rec) {
         if let Some(slot) = extra.performed_in {
             line += &format!("  (deferred, performed in {})", tree.slot(slot).name);

@@ -492,6 +492,13 @@ impl Tree {
         record.value = value;
     }
 
+    /// A slot begins only now, after what edits have put before it: that is its place among its
+    /// siblings.
+    pub(crate) fn begins(&mut self, slot: SlotId) {
+        let next = RecId(self.records.len as u32);
+        self.slots.get_mut(slot.0).since = next;
+    }
+
     /// The children of `rec` may be called again: look before a slot is added.
     pub fn retried(&mut self, rec: RecId) {
         self.records.get_mut(rec.0).flags |= RETRIED;
@@ -605,6 +612,14 @@ impl Tree {
         children.sort_by_key(|child| self.slots.get(child.0).since);
         children
     }
+    /// The plan that `run-plan` ran, beside which edits may have put other tasks; without one, the
+    /// last task of the root.
+    #[must_use]
+    pub fn root_plan(&self) -> SlotId {
+        let children = self.children(ROOT);
+        let by_run_plan = children.iter().find(|child| self.slot(**child).key.site.0 == 0);
+        by_run_plan.or(children.last()).copied().unwrap_or(ROOT)
+    }
     /// Memory of slots and records, in bytes.
     #[must_use]
     pub fn bytes(&self) -> usize {
@@ -620,7 +635,7 @@ impl Tree {
     /// A few words: what ran, and what became of it.
     #[must_use]
     pub fn summary(&self) -> String {
-        let root = self.children(ROOT).first().map_or(ROOT, |child| *child);
+        let root = self.root_plan();
         let status = self.shown(root).map_or("not run", |rec| self.record(rec).status.word());
         format!("{} {status}, {} nodes", self.slot(root).name, self.len())
     }

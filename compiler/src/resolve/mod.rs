@@ -200,9 +200,20 @@ impl Compiler<'_> {
         }
     }
 
+    /// What a name means in a module, or else where the macros around it are defined.
+    pub(crate) fn look_up(&self, module: ModuleId, name: Symbol) -> Found {
+        match self.modules.look_up(module, name) {
+            Found::None => {
+                let mut found = self.within.iter().rev().map(|home| self.modules.look_up(*home, name));
+                found.find(|found| !matches!(found, Found::None)).unwrap_or(Found::None)
+            }
+            found => found,
+        }
+    }
+
     /// What a name means at the top level, or an error that says it means nothing.
     fn meaning(&mut self, scope: &Scope, name: Symbol, at: Span) -> Option<Meaning> {
-        match self.modules.look_up(scope.module, name) {
+        match self.look_up(scope.module, name) {
             Found::One(definition) => Some(definition.meaning),
             Found::Two(one, other) => {
                 self.error(CompileError::Ambiguous { name: name.to_string(), one, other, at });
@@ -282,11 +293,12 @@ impl Compiler<'_> {
         };
         match meaning {
             Meaning::Macro(function, params) => {
-                match self.expand(scope.module, name, function, &params, form) {
+                match self.expand(name, function, &params, form) {
                     Some(expansion) => {
-                        self.expanding += 1;
+                        let home = self.home(function).unwrap_or(scope.module);
+                        self.within.push(home);
                         let expr = self.expr(scope, &expansion);
-                        self.expanding -= 1;
+                        self.within.pop();
                         expr
                     }
                     None => Expr::nil(form.span),

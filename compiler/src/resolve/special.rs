@@ -241,7 +241,7 @@ fn set(it: &mut Compiler<'_>, scope: &mut Scope, form: &Form, args: &[Form]) -> 
             Expr::new(ExprKind::Set(var, boxed(value)), form.span)
         }
         None => {
-            match it.modules.look_up(scope.module, name) {
+            match it.look_up(scope.module, name) {
                 Found::One(definition) => {
                     let (name, is) = (name.to_string(), definition.meaning.words().to_string());
                     it.error(CompileError::SetConstant { name, is, at: form.span });
@@ -517,7 +517,7 @@ pub(crate) fn failure_type(it: &mut Compiler<'_>, scope: &Scope, form: &Form) ->
         it.shape_at(form, "is no name of a failure type", "plan-failure", form.span);
         return None;
     };
-    match it.modules.look_up(scope.module, name) {
+    match it.look_up(scope.module, name) {
         Found::One(definition) => match definition.meaning {
             Meaning::Failure(kind) => return Some(kind),
             other => {

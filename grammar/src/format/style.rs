@@ -87,7 +87,9 @@ fn known(head: &str) -> Option<Style> {
         | "par-loop" | "try-each" | "do-retry" | "whenever" => body(1, Several),
         "for-each-answer" => body(2, Several),
         "module" => body(1, Author),
-        "def-fun" | "def-plan" | "def-macro" | "defnative" => body(2, Always),
+        "def-fun" | "def-plan" | "def-macro" | "def-native" | "def-open-fun" | "extend" => body(2, Always),
+        "def-test" => body(1, Always),
+        "if-let" | "when-let" | "expect-failure" => body(1, Several),
         "def-rules" => body(1, Always),
         "def-const" => body(1, Author),
         "def-open" => body(2, Author),
@@ -143,7 +145,7 @@ fn description(items: &[&Form]) -> Option<Style> {
 }
 
 fn by_prefix(head: &str, items: &[&Form]) -> Style {
-    if head.starts_with("with-") {
+    if head.starts_with("with-") && !matches!(head, "with-param" | "with-property") {
         body(1, Breaks::Several)
     } else if head.starts_with("def-") {
         // `(def-something name (parameters) body…)`
@@ -174,7 +176,7 @@ pub(super) fn role_of(items: &[&Form], role: Role, style: Style, index: usize) -
         ("partial-order", 1) => Role::Steps,
         ("cond", 1..) | ("case", 2..) => Role::Clause,
         ("lambda" | "for-each-answer", 1) => Role::Data,
-        ("def-fun" | "def-plan" | "def-macro" | "def-policy" | "defnative", 2) => Role::Data,
+        ("def-fun" | "def-plan" | "def-macro" | "def-policy" | "def-native" | "def-open-fun" | "extend", 2) => Role::Data,
         ("def-failure", 2..) => Role::Data,
         _ => Role::Code,
     }
@@ -182,5 +184,5 @@ pub(super) fn role_of(items: &[&Form], role: Role, style: Style, index: usize) -
 
 /// True for forms that stand apart from their neighbours by a blank line.
 pub(super) fn is_definition(form: &Form) -> bool {
-    form.head().is_some_and(|head| head.starts_with("def-") || head == "defnative")
+    form.head().is_some_and(|head| head.starts_with("def-"))
 }

@@ -62,7 +62,7 @@ fn definitions() {
 
 (def-transformation both-hands "Carry two." :applicable (both-hands ?a ?b) :answers (first)
   :rewrite (list (defer ?a :after ?b)))
-(defnative reachable? (robot pose) "True if reachable.
+(def-native reachable? (robot pose) "True if reachable.
    ex: (reachable? a b) => true")
 (def-thing t (a b) c d)
 "#,
@@ -102,7 +102,7 @@ fn definitions() {
               :answers (first)
               :rewrite (list (defer ?a :after ?b)))
 
-            (defnative reachable? (robot pose)
+            (def-native reachable? (robot pose)
               "True if reachable.
                ex: (reachable? a b) => true")
 

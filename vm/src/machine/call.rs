@@ -380,11 +380,12 @@ impl Machine {
         let (least, most) = native.arity;
         if args.len() < least as usize || most.is_some_and(|most| args.len() > most as usize) {
             let takes = match most {
-                Some(most) if most == least => format!("{least}"),
-                Some(most) => format!("{least} to {most}"),
-                None => format!("at least {least}"),
+                Some(1) if least == 1 => "1 argument".to_string(),
+                Some(most) if most == least => format!("{least} arguments"),
+                Some(most) => format!("{least} to {most} arguments"),
+                None => format!("at least {least} arguments"),
             };
-            let message = format!("`{}` takes {takes} arguments, got {}", native.name, args.len());
+            let message = format!("`{}` takes {takes}, got {}", native.name, args.len());
             return Err(Box::new(Failure::new(Builtin::ArityError, message)));
         }
         if !self.grants.allows(native.effect) {
@@ -700,7 +701,7 @@ pub fn takes(params: &Params) -> String {
     let plural = |n: usize| if n == 1 { "argument" } else { "arguments" };
     let keys = if params.keys > 0 { " and keywords" } else { "" };
     if params.rest {
-        format!("at least {least} {}", plural(least))
+        format!("at least {least} {}{keys}", plural(least))
     } else if least == most {
         format!("{least} {}{keys}", plural(least))
     } else {

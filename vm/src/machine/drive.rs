@@ -443,6 +443,9 @@ impl Machine {
                 return self.run_edit(call, *id);
             }
             call.stage = Stage::Around;
+            if !befores.is_empty() {
+                self.top().tree.begins(call.slot);
+            }
             let (wraps, rec) = (self.find_edits(&call, |what| matches!(what, What::Wrap(_))).len(), call.rec);
             self.top().drivers.push(Driver::Call(call));
             return if wraps > 0 { self.run_wrap(wraps, 0) } else { self.run_body(host, rec, None, 0) };
@@ -619,7 +622,7 @@ impl Machine {
 const MOST_RUNS: usize = 100;
 
 fn not_grounded(desc: &Value) -> Raise {
-    let message = format!("no rule says which plan performs {}", crate::print::brief(desc));
+    let message = format!("`ground` knows no plan that performs {}", crate::print::brief(desc));
     let fields = vec![("message", Value::str(message)), ("action", desc.clone())];
     Box::new(Failure::with(Builtin::ActionNotGrounded, fields))
 }

@@ -62,6 +62,9 @@ impl Machine {
         };
         self.check_value(tree, slot, edit)?;
         let plan = self.plan_at(tree, slot)?;
+        let site = &self.program.sites[tree.slot(slot).key.site.at()];
+        let is_action = self.program.ground == Some(plan);
+        let home = if is_action { site.owner } else { plan };
         let code = match &edit.what {
             What::Replace(code) | What::Wrap(code) => Some((code, true)),
             What::Before(code) | What::After(code) | What::Owe { code, .. } => Some((code, false)),
@@ -69,7 +72,7 @@ impl Machine {
         };
         let code = match code {
             Some((form, original)) => {
-                Some(host.compile(&mut self.program, CodeRequest { form, plan, original })?)
+                Some(host.compile(&mut self.program, CodeRequest { form, plan, home, original })?)
             }
             None => None,
         };

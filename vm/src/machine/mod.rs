@@ -204,6 +204,8 @@ pub struct Machine {
     printed: usize,
     /// How many fresh names have been made.
     fresh: u64,
+    /// The fuel limit was met in a run that has ended: it holds for the run below as well.
+    spent: Option<Value>,
     /// The fuel limit has been met: only clean-ups run.
     last_fuel: bool,
 }
@@ -229,6 +231,7 @@ impl Machine {
             round: 0,
             printed: 0,
             fresh: 0,
+            spent: None,
             last_fuel: false,
         }
     }
@@ -285,6 +288,12 @@ impl Machine {
     /// Goes on until the call that was started ends, or until `stop` units of fuel are used.
     pub fn go(&mut self, host: &mut dyn Host, stop: Option<u64>) -> Progress {
         loop {
+            if let Some(failure) = self.spent.take()
+                && let Some(Exit::Failed(failure)) = self.throw(host, failure)
+                && let Some(outcome) = self.end_run(Err(failure))
+            {
+                return Progress::Ended(outcome);
+            }
             if stop.is_some_and(|stop| self.steps >= stop) {
                 return Progress::Stopped;
             }
@@ -360,6 +369,13 @@ impl Machine {
             return Some(outcome);
         }
         let mut inner = self.runs.pop()?;
+        if let Err(failure) = &outcome
+            && self.last_fuel
+            && failure.as_failure().is_some_and(|it| it.kind == Builtin::FuelExhausted.id())
+        {
+            self.spent = Some(failure.clone());
+            return None;
+        }
         inner.raised.name(&inner.tree);
         let (status, value) = match outcome {
             Ok(value) => (Status::Succeeded, value),

@@ -142,7 +142,7 @@ impl Obligation {
             Side::Until(end) => pc >= end.0,
             Side::Round(round, key) => {
                 let round = &program.forms[*round as usize];
-                !round.contains(pc)
+                round.is_behind(pc)
                     && round
                         .key()
                         .is_some_and(|it| current_round(it, run.stack, run.base) == Some(key.clone()))
@@ -157,6 +157,15 @@ impl Obligation {
 }
 
 impl FormRange {
+    /// True between the end of a round and the next one, while its key is still in its register.
+    fn is_behind(&self, pc: u32) -> bool {
+        match self.key() {
+            // The number of the round is counted up by the instruction behind it.
+            Some(RoundKey::Count(_)) => pc == self.end.0,
+            _ => !self.contains(pc),
+        }
+    }
+
     fn key(&self) -> Option<RoundKey> {
         if let FormKind::Round(key) = self.kind { key } else { None }
     }

@@ -41,7 +41,9 @@ impl Machine {
             let Some(frame) = run.frames.pop() else { return Some(Exit::Failed(failure)) };
             let (rec, below) = (run.record(run.here), run.record(frame.here));
             (run.pc, run.base, run.here) = (frame.pc, frame.base, frame.here);
-            if rec != below && run.tree.record(rec).flags & DRIVEN == 0 {
+            // A handler of an obligation works for a task that has ended.
+            let record = run.tree.record(rec);
+            if rec != below && record.flags & DRIVEN == 0 && !record.status.is_final() {
                 self.end_record(host, rec, Status::Failed, failure.clone());
             }
         }
