@@ -93,7 +93,7 @@ function load (name) registers=3
      2  Return               r1
 
 plan main () registers=5
-     0  Const                r2 #<function>
+     0  Const                r2 #<function read-file>
      1  Const                r3 ("a" "b")
      2  Nil                  r4
      3  Call                 r1 r2 map

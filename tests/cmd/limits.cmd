@@ -22,6 +22,11 @@ top-level  failed: fuel-exhausted  [0 – 0.009 s]
   × fuel-exhausted: the run used up its fuel of 10000 calls and backward jumps
   │ in top-level / main
   │ limit: 10000
+   ╭─[loop.plan:1:19]
+ 1 │ (def-plan main () (loop nil))
+   ·                   ─────┬────
+   ·                        ╰── failed here
+   ╰────
 --- exit 1
 $ pleach run deep.plan --depth 1000 --quiet
 --- stderr

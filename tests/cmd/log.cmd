@@ -82,7 +82,7 @@ error: main.plan is not the log of a run, and is not overwritten
 $ cd data && pleach replay ../stopped.log --to 8 --quiet
 --- stderr
 stopped at step 8, 0 s of the task clock
-  in plan fetch at main.plan:1:42
+  in plan fetch at main.plan:1:35
   in plan main at main.plan:3:21
   in file top-level at the call of the plan:1:1
 --- exit 0

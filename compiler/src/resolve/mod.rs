@@ -118,7 +118,7 @@ impl Compiler<'_> {
     /// Resolves a form. What is wrong with it goes to the errors.
     pub(crate) fn expr(&mut self, scope: &mut Scope, form: &Form) -> Expr {
         scope.depth += 1;
-        let expr = if scope.depth > MOST_NESTED {
+        let expr = if scope.depth > MOST_NESTED + 1 {
             self.error(CompileError::TooDeep { limit: MOST_NESTED, at: form.span });
             Expr::nil(form.span)
         } else {
