@@ -87,7 +87,8 @@ impl Edit {
                 format!(" '{} :after {} :as '{name}", write(code), list(after))
             }
         };
-        let guard: Vec<String> = self.guard.iter().map(|(key, value)| format!(":{key} {}", expression(value))).collect();
+        let guard: Vec<String> =
+            self.guard.iter().map(|(key, value)| format!(":{key} {}", expression(value))).collect();
         let guard = if guard.is_empty() { String::new() } else { format!(" :guard {{{}}}", guard.join(" ")) };
         format!("({} {at}{rest}{guard})", self.word())
     }

@@ -129,7 +129,8 @@ pub fn text(program: &Program, tree: &Tree, most: usize) -> String {
         for (i, child) in children.iter().enumerate().rev() {
             let (branch, below) =
                 if i + 1 == children.len() { ("└─ ", "   ") } else { ("├─ ", "│  ") };
-            let below = if indent.len() < WIDEST_INDENT { format!("{indent}{below}") } else { indent.clone() };
+            let below =
+                if indent.len() < WIDEST_INDENT { format!("{indent}{below}") } else { indent.clone() };
             todo.push((*child, format!("{indent}{branch}"), below));
         }
     }

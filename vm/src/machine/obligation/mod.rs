@@ -1,0 +1,209 @@
+//! Obligations: calls that are performed later, at the end of a part of the plan.
+//!
+//! `defer` and `owe` put an obligation into the **common form** of two places p and q: the
+//! innermost form instance that contains the call of p and the place of q. It is due when **q's
+//! side** of that form has ended, or before the form itself ends, whatever ends it. Then p is
+//! performed there, inside the handlers that stood around its call below the common form.
+//!
+//! Nobody pays for this who owes nothing: while obligations are open, the loop asks before each
+//! instruction of a frame that holds one whether it has become due (see [`due`]).
+//!
+//! [`place`] says where, [`make`] puts obligations there, [`perform`] performs them. The rules are in
+//! `vm/OBLIGATIONS.md`; numbers in comments are theirs.
+
+mod make;
+mod perform;
+mod place;
+
+use crate::code::{FormKind, FormRange, Pc, Program, RoundKey};
+use crate::key::{Element, Step};
+use crate::op::Op;
+use crate::tree::{RecId, SlotId, Tree};
+use crate::value::{Obj, Value};
+
+use super::drive::Call;
+use super::{FnId, Here, Run};
+
+pub(super) use place::between;
+
+/// Something that the run owes.
+pub(in crate::machine) struct Obligation {
+    /// The slot that will be performed.
+    slot: SlotId,
+    /// Its record, status `deferred`.
+    rec: RecId,
+    what: Owed,
+    /// The place that it waits for.
+    after: SlotId,
+    side: Side,
+    /// The frame that holds the common form, as a number of frames.
+    pub(in crate::machine) depth: usize,
+    /// The common form.
+    form: u32,
+    /// Handlers that stood around the call below the common form, innermost first.
+    contexts: Vec<Context>,
+    /// Goals of tasks below the common form, to be checked after it. (6)
+    goals: Vec<(RecId, Value)>,
+}
+
+/// What is performed.
+enum Owed {
+    /// The call as it was made.
+    Call(Box<Call>),
+    /// Code of an `owe`, with the parameters of the plan that owes it.
+    Code(FnId, Vec<Value>),
+}
+
+/// The part of the common form that contains q and not p.
+#[derive(Clone)]
+enum Side {
+    /// Everything before this instruction.
+    Until(Pc),
+    /// The round of a loop with this key.
+    Round(u32, Step),
+    /// A later run of the same code: over when q has a newer record that is final.
+    Later(RecId),
+}
+
+/// A handler with the registers that its frame had when p was called. (4)
+struct Context {
+    registers: Vec<Value>,
+    here: Here,
+    handler: Pc,
+    failure: u8,
+    clauses: u32,
+}
+
+/// A handler of an obligation that is running.
+pub(in crate::machine) struct Handling {
+    /// Its frame, as a number of frames.
+    depth: usize,
+    /// Its clauses: leaving them by a jump ends the obligation.
+    clauses: (Pc, Pc),
+    form: u32,
+}
+
+/// What an obligation being performed waits for.
+pub(in crate::machine) struct Discharge {
+    obligation: Obligation,
+    stage: Stage,
+    /// The failure that goes on outwards from the common form afterwards.
+    then: Option<Value>,
+}
+
+#[derive(Clone, Copy, PartialEq)]
+enum Stage {
+    Performing,
+    /// The handler of this context runs.
+    Handling(usize),
+    /// The goal with this number is being checked.
+    Goal(usize),
+}
+
+// ---------------------------------------------------------------------------------------------
+// When
+
+/// True if the loop must stop before `op` at `pc`: an obligation of this frame is due, or a
+/// handler of an obligation has been left.
+pub(in crate::machine) fn due(program: &Program, run: &RunView<'_>, depth: usize, pc: u32, op: Op) -> bool {
+    if run.handling.last().is_some_and(|it| it.depth == depth && it.left_by(pc, op)) {
+        return true;
+    }
+    let mut held = run.obligations.iter().filter(|it| it.depth == depth);
+    held.any(|it| {
+        let form = &program.forms[it.form as usize];
+        !form.contains(pc) || matches!(op, Op::Return(_) | Op::ReturnPlan(_)) || it.is_over(program, run, pc)
+    })
+}
+
+/// What is looked at to see whether an obligation is due.
+pub(in crate::machine) struct RunView<'r> {
+    pub obligations: &'r [Obligation],
+    pub handling: &'r [Handling],
+    pub tree: &'r Tree,
+    pub stack: &'r [Value],
+    pub base: usize,
+}
+
+impl FormRange {
+    fn contains(&self, pc: u32) -> bool {
+        (self.start.0..self.end.0).contains(&pc)
+    }
+}
+
+impl Handling {
+    fn left_by(&self, pc: u32, op: Op) -> bool {
+        !(self.clauses.0.0..self.clauses.1.0).contains(&pc) || matches!(op, Op::Retry(..))
+    }
+}
+
+impl Obligation {
+    /// True if q's side has ended and q is not itself deferred. (1, 7)
+    fn is_over(&self, program: &Program, run: &RunView<'_>, pc: u32) -> bool {
+        let passed = match &self.side {
+            Side::Until(end) => pc >= end.0,
+            Side::Round(round, key) => {
+                let round = &program.forms[*round as usize];
+                round.is_behind(pc)
+                    && round
+                        .key()
+                        .is_some_and(|it| current_round(it, run.stack, run.base) == Some(key.clone()))
+            }
+            Side::Later(before) => run
+                .tree
+                .shown(self.after)
+                .is_some_and(|rec| rec > *before && run.tree.record(rec).status.is_final()),
+        };
+        passed && !run.obligations.iter().any(|it| it.slot == self.after)
+    }
+}
+
+impl FormRange {
+    /// True between the end of a round and the next one, while its key is still in its register.
+    fn is_behind(&self, pc: u32) -> bool {
+        match self.key() {
+            // The number of the round is counted up by the instruction behind it.
+            Some(RoundKey::Count(_)) => pc == self.end.0,
+            _ => !self.contains(pc),
+        }
+    }
+
+    fn key(&self) -> Option<RoundKey> {
+        if let FormKind::Round(key) = self.kind { key } else { None }
+    }
+}
+
+/// The key of the round that a loop is in or has just done.
+fn current_round(key: RoundKey, stack: &[Value], base: usize) -> Option<Step> {
+    match key {
+        RoundKey::Count(register) => {
+            Some(Step::Round(Element::Int(stack.get(base + register as usize)?.as_int()?), 0))
+        }
+        RoundKey::Element(register) => {
+            let at = base + register as usize;
+            match stack.get(at + 2)?.obj() {
+                Some(Obj::Ranks(ranks)) => Some(ranks.step(stack.get(at + 1)?)),
+                _ => None,
+            }
+        }
+    }
+}
+
+impl Handling {
+    /// The clauses that a failure leaves, if this is the handler of the running frame.
+    pub(in crate::machine) fn of_frame(&self, depth: usize) -> Option<u32> {
+        (self.depth == depth).then_some(self.form)
+    }
+}
+
+impl Run {
+    pub(in crate::machine) fn view(&self) -> RunView<'_> {
+        RunView {
+            obligations: &self.obligations,
+            handling: &self.handling,
+            tree: &self.tree,
+            stack: &self.stack,
+            base: self.base as usize,
+        }
+    }
+}

@@ -1,0 +1,286 @@
+//! Performing what is owed: in the frame that holds the common form, inside the handlers of the
+//! call.
+
+use crate::code::{Pc, SiteId};
+use crate::failure::{Builtin, Failure};
+use crate::host::Host;
+use crate::op::Op;
+use crate::path::Path;
+use crate::tree::{DRIVEN, SlotId, Status};
+use crate::value::{Obj, Value};
+
+use super::super::call::Slow;
+use super::super::drive::Driver;
+use super::super::{Frame, Here, Machine, RESUME};
+use super::{Discharge, Handling, Obligation, Owed, Stage};
+
+impl Machine {
+    /// The loop has stopped before an instruction because something of this frame is due.
+    pub(in crate::machine) fn perform_due(&mut self, host: &mut dyn Host) -> Slow {
+        let run = self.top();
+        let (depth, pc) = (run.frames.len(), run.pc);
+        if run.handling.last().is_some_and(|it| it.depth == depth) {
+            return self.leave_handling(host);
+        }
+        match self.next_due(depth, pc) {
+            Some(at) => self.discharge(host, at, None),
+            None => Ok(None),
+        }
+    }
+
+    /// The obligation of this frame that is to be performed next, if one is. (1, 7)
+    fn next_due(&mut self, depth: usize, pc: u32) -> Option<usize> {
+        let (program, runs) = (&self.program, &self.runs);
+        let run = &runs[runs.len() - 1];
+        let view = run.view();
+        let held: Vec<usize> =
+            (0..run.obligations.len()).filter(|at| run.obligations[*at].depth == depth).collect();
+        let op = program.code[pc as usize];
+        let ended = |it: &Obligation| {
+            !program.forms[it.form as usize].contains(pc) || matches!(op, Op::Return(_) | Op::ReturnPlan(_))
+        };
+        if let Some(at) = held
+            .iter()
+            .find(|at| !ended(&run.obligations[**at]) && run.obligations[**at].is_over(program, &view, pc))
+        {
+            return Some(*at);
+        }
+        let ended: Vec<usize> = held.into_iter().filter(|at| ended(&run.obligations[*at])).collect();
+        self.first_at_end(&ended)
+    }
+
+    /// Of the obligations of a form that ends: one whose q is done, else one whose q is not owed
+    /// here as well, else the first. One whose q is owed further out moves there. (7)
+    fn first_at_end(&mut self, ended: &[usize]) -> Option<usize> {
+        let run = self.top();
+        for at in ended {
+            let (after, depth, form) =
+                (run.obligations[*at].after, run.obligations[*at].depth, run.obligations[*at].form);
+            let further =
+                run.obligations.iter().find(|it| it.slot == after && (it.depth, it.form) != (depth, form));
+            if let Some(outer) = further.map(|it| (it.depth, it.form, it.side.clone())) {
+                let it = &mut run.obligations[*at];
+                (it.depth, it.form, it.side) = outer;
+                return self
+                    .first_at_end(&ended.iter().copied().filter(|other| other != at).collect::<Vec<_>>());
+            }
+        }
+        let done = |at: &&usize| {
+            let rec = run.tree.shown(run.obligations[**at].after);
+            rec.is_some_and(|rec| matches!(run.tree.record(rec).status, Status::Succeeded | Status::Skipped))
+        };
+        let owed: Vec<SlotId> = ended.iter().map(|at| run.obligations[*at].slot).collect();
+        let free = |at: &&usize| !owed.contains(&run.obligations[**at].after);
+        ended.iter().find(done).or_else(|| ended.iter().find(free)).or(ended.first()).copied()
+    }
+
+    /// A failure leaves a form: what the form holds is performed before. The index of it.
+    pub(in crate::machine) fn due_before_failure(&mut self, form: u32) -> Option<usize> {
+        let run = self.top();
+        let depth = run.frames.len();
+        let held: Vec<usize> = (0..run.obligations.len())
+            .filter(|at| run.obligations[*at].depth == depth && run.obligations[*at].form == form)
+            .collect();
+        if held.is_empty() { None } else { self.first_at_end(&held) }
+    }
+
+    /// Performs an obligation on top of the running frame, which goes on afterwards.
+    pub(in crate::machine) fn discharge(
+        &mut self,
+        host: &mut dyn Host,
+        at: usize,
+        then: Option<Value>,
+    ) -> Slow {
+        let obligation = self.top().obligations.remove(at);
+        let scratch = self.scratch_register();
+        let above = self.driver_base();
+        let run = self.top();
+        run.frames.push(Frame { pc: run.pc, base: run.base, here: run.here, dst: scratch });
+        (run.pc, run.base) = (RESUME, above);
+        let discharge = Discharge { obligation, stage: Stage::Performing, then };
+        run.drivers.push(Driver::Discharge(Box::new(discharge)));
+        self.perform_owed(host)
+    }
+
+    /// The first register that the running function does not use.
+    fn scratch_register(&self) -> u8 {
+        let run = &self.runs[self.runs.len() - 1];
+        let function = self
+            .program
+            .function_at(Pc(run.pc))
+            .or_else(|| self.program.function_at(Pc(run.pc.saturating_sub(1))));
+        function.map_or(0, |it| self.program.functions[it.at()].registers)
+    }
+
+    /// Starts the call of the discharge on top.
+    fn perform_owed(&mut self, host: &mut dyn Host) -> Slow {
+        let run = self.top();
+        let now = run.now;
+        let Some(Driver::Discharge(discharge)) = run.drivers.last_mut() else { return Ok(None) };
+        let rec = discharge.obligation.rec;
+        match &discharge.obligation.what {
+            Owed::Call(call) => {
+                let again = call.again(rec);
+                let record = run.tree.record_mut(rec);
+                (record.status, record.start) = (Status::Running, now);
+                self.trace_start(host, rec);
+                self.perform_again(host, again)
+            }
+            Owed::Code(code, args) => {
+                let (code, args) = (*code, args.clone());
+                let record = run.tree.record_mut(rec);
+                (record.status, record.start) = (Status::Running, now);
+                self.trace_start(host, rec);
+                self.enter(0, code, args, &[]);
+                self.top().here = Here(rec.0);
+                Ok(None)
+            }
+        }
+    }
+
+    /// What the discharge called has returned.
+    pub(in crate::machine) fn discharge_resumed(
+        &mut self,
+        host: &mut dyn Host,
+        mut discharge: Box<Discharge>,
+        value: Value,
+    ) -> Slow {
+        let next = match discharge.stage {
+            Stage::Performing => {
+                let rec = discharge.obligation.rec;
+                if !self.top().tree.record(rec).status.is_final() {
+                    self.end_record(host, rec, Status::Succeeded, value);
+                }
+                0
+            }
+            // A handler that returns a value ends the obligation.
+            Stage::Handling(_) => discharge.obligation.goals.len(),
+            Stage::Goal(n) if value.is_true() => n + 1,
+            Stage::Goal(n) => {
+                let slot = self.top().tree.record(discharge.obligation.goals[n].0).slot;
+                self.top().drivers.push(Driver::Discharge(discharge));
+                return Err(self.goal_missed(slot));
+            }
+        };
+        let goals = &discharge.obligation.goals;
+        let reached =
+            |at: &usize| self.runs[self.runs.len() - 1].tree.record(goals[*at].0).status == Status::Succeeded;
+        match (next..goals.len()).find(reached) {
+            Some(n) => {
+                let goal = goals[n].1.clone();
+                discharge.stage = Stage::Goal(n);
+                self.top().drivers.push(Driver::Discharge(discharge));
+                self.call_value(host, 0, SiteId(0), &goal, Vec::new())
+            }
+            None => self.end_discharge(host, *discharge),
+        }
+    }
+
+    fn goal_missed(&self, slot: SlotId) -> crate::native::Raise {
+        let path = Path::of(&self.runs[self.runs.len() - 1].tree, slot);
+        let message = format!("the goal of {} is not true after what was deferred", path.show());
+        let fields = vec![("message", Value::str(message)), ("of", Value::new(Obj::Path(Box::new(path))))];
+        Box::new(Failure::with(Builtin::GoalNotReached, fields))
+    }
+
+    /// Goes back to the frame that held the obligation, or on with the failure that left it.
+    fn end_discharge(&mut self, host: &mut dyn Host, discharge: Discharge) -> Slow {
+        let form = discharge.obligation.form;
+        self.return_value(Value::NIL)?;
+        match discharge.then {
+            Some(failure) => {
+                self.top().leaving = Some(form);
+                Ok(self.throw(host, failure))
+            }
+            None => Ok(None),
+        }
+    }
+
+    /// A failure has come back to the discharge: the next handler takes it, or it goes on
+    /// outwards from the common form. (4)
+    pub(in crate::machine) fn discharge_failed(
+        &mut self,
+        host: &mut dyn Host,
+        mut discharge: Box<Discharge>,
+        failure: Value,
+    ) -> Result<(), Value> {
+        let rec = discharge.obligation.rec;
+        if !self.top().tree.record(rec).status.is_final() {
+            self.end_record(host, rec, Status::Failed, failure.clone());
+        }
+        let next = match discharge.stage {
+            Stage::Performing => 0,
+            Stage::Handling(n) => n + 1,
+            Stage::Goal(_) => discharge.obligation.contexts.len(),
+        };
+        if let Some(context) = discharge.obligation.contexts.get(next) {
+            discharge.stage = Stage::Handling(next);
+            let (registers, here, handler) = (context.registers.clone(), context.here, context.handler);
+            let (register, clauses) = (context.failure, context.clauses);
+            self.top().drivers.push(Driver::Discharge(discharge));
+            self.enter_handler(registers, here, handler, clauses);
+            *self.top().register(register) = failure;
+            return Ok(());
+        }
+        let form = discharge.obligation.form;
+        let Some(waiting) = discharge.then else { return Err(failure) };
+        // The failure that was on its way goes on, with this one beside it.
+        self.top().leaving = Some(form);
+        Err(super::super::unwind::with_also(&waiting, failure))
+    }
+
+    /// A frame with the registers that the handler's frame had.
+    fn enter_handler(&mut self, registers: Vec<Value>, here: Here, handler: Pc, form: u32) {
+        let above = self.driver_base();
+        let range = &self.program.forms[form as usize];
+        let clauses = (range.start, range.end);
+        let run = self.top();
+        run.frames.push(Frame { pc: RESUME, base: run.base, here: run.here, dst: 0 });
+        (run.pc, run.base, run.here) = (handler.0, above, here);
+        for (register, value) in run.stack[above as usize..].iter_mut().zip(registers) {
+            *register = value;
+        }
+        run.handling.push(Handling { depth: run.frames.len(), clauses, form });
+    }
+
+    /// A handler of an obligation has done `(retry)`, or was left with a value.
+    fn leave_handling(&mut self, host: &mut dyn Host) -> Slow {
+        let pc = self.top().pc as usize;
+        let op = self.program.code[pc];
+        self.keep_registers();
+        self.top().handling.pop();
+        if !matches!(op, Op::Retry(..)) {
+            return self.return_value(Value::NIL);
+        }
+        // Perform it again: the next attempt of the same slot, the same obligation.
+        self.return_value(Value::NIL)?;
+        let run = self.top();
+        let Some(Driver::Discharge(discharge)) = run.drivers.last_mut() else { return Ok(None) };
+        discharge.stage = Stage::Performing;
+        let old = discharge.obligation.rec;
+        let (slot, parent, kind) =
+            (discharge.obligation.slot, run.tree.record(old).parent, run.tree.record(old).kind);
+        let args = run.tree.args(old);
+        let performed_in = run.tree.extra(old).and_then(|extra| extra.performed_in);
+        let rec = run.tree.enter(parent, slot, kind, &args, run.now);
+        run.tree.record_mut(rec).flags |= DRIVEN;
+        run.tree.extra_mut(rec).performed_in = performed_in;
+        if let Some(Driver::Discharge(discharge)) = run.drivers.last_mut() {
+            discharge.obligation.rec = rec;
+        }
+        self.perform_owed(host)
+    }
+
+    /// What a handler changed stays changed for its next run.
+    fn keep_registers(&mut self) {
+        let run = self.top();
+        let base = run.base as usize;
+        let Some(Driver::Discharge(discharge)) = run.drivers.last_mut() else { return };
+        if let Stage::Handling(n) = discharge.stage
+            && let Some(context) = discharge.obligation.contexts.get_mut(n)
+        {
+            let len = context.registers.len();
+            context.registers.clone_from_slice(&run.stack[base..base + len]);
+        }
+    }
+}

@@ -1,0 +1,221 @@
+//! Where: the common form of two places, found by comparing the ways to them.
+//!
+//! The way to a slot is a list of levels, one for each function between the root and the call:
+//! its call site and the rounds of loops around that. Two ways are the same up to the level at
+//! which the places part; the forms of that level's function say the rest.
+
+use crate::code::{FormKind, Pc, Program, SiteId};
+use crate::key::Step;
+use crate::tree::{ROOT, RecId, SlotId, Tree};
+use crate::value::Symbol;
+
+use super::super::{Here, RESUME, Run};
+use super::Side;
+
+/// One function between the root and a call: the call that it makes, and the rounds it is in.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Level {
+    pub(super) site: SiteId,
+    pub(super) rounds: Vec<Step>,
+    pub(super) again: u32,
+    pub(super) name: Option<Symbol>,
+}
+
+/// The same for a frame that is there.
+pub(super) struct Activation {
+    pub(super) site: Option<SiteId>,
+    pub(super) pc: u32,
+    pub(super) base: u32,
+    pub(super) here: Here,
+    pub(super) depth: usize,
+}
+
+/// The levels between the root and a slot, and for each the slot that they lead to.
+pub(super) fn levels(tree: &Tree, slot: SlotId) -> Vec<(Level, SlotId)> {
+    let mut slots: Vec<SlotId> = std::iter::successors(Some(slot), |at| {
+        Some(tree.slot(*at).parent).filter(|up| *up != ROOT && up.0 != 0)
+    })
+    .collect();
+    slots.reverse();
+    let mut levels = Vec::new();
+    for slot in slots {
+        let key = tree.slot(slot).key;
+        let mut level = Level { site: key.site, rounds: Vec::new(), again: 0, name: None };
+        for step in tree.keys.steps(key.chain) {
+            match step {
+                Step::Call(site) => {
+                    let next = Level { site: key.site, rounds: Vec::new(), again: 0, name: None };
+                    let done = std::mem::replace(&mut level, next);
+                    levels.push((Level { site, ..done }, slot));
+                }
+                Step::Again(n) => level.again = n,
+                Step::Name(name) => level.name = Some(name),
+                round => level.rounds.push(round),
+            }
+        }
+        levels.push((level, slot));
+    }
+    levels
+}
+
+/// Where the common form of two places is.
+pub(super) struct Common {
+    /// The level at which they part.
+    pub(super) level: usize,
+    pub(super) form: u32,
+    pub(super) side: Side,
+}
+
+/// The common form of the call that `mine` leads to and the place that `theirs` leads to.
+pub(super) fn common_form(
+    program: &Program,
+    mine: &[(Level, SlotId)],
+    theirs: &[(Level, SlotId)],
+) -> Option<Common> {
+    let level = mine.iter().zip(theirs).position(|((a, _), (b, _))| a != b)?;
+    let (ours, other) = (&mine[level].0, &theirs[level].0);
+    let path = |site: SiteId| {
+        let forms = program.forms_outward(program.sites[site.at()].form).map(|(id, _)| id);
+        let mut forms: Vec<u32> = forms.collect();
+        forms.reverse();
+        forms
+    };
+    let (a, b) = (path(ours.site), path(other.site));
+    let mut rounds = 0;
+    let mut common = None;
+    for (form, same) in a.iter().zip(&b) {
+        if form != same {
+            break;
+        }
+        if program.forms[*form as usize].key().is_some() {
+            let (p, q) = (ours.rounds.get(rounds), other.rounds.get(rounds));
+            if p != q {
+                return Some(Common { level, form: common?, side: Side::Round(*form, q?.clone()) });
+            }
+            rounds += 1;
+        }
+        common = Some(*form);
+    }
+    let form = common?;
+    if ours.site == other.site {
+        return Some(repeated(program, level, &a));
+    }
+    let depth = a.iter().position(|it| *it == form)? + 1;
+    let end = match b.get(depth) {
+        Some(side) => program.forms[*side as usize].end,
+        None => Pc(program.sites[other.site.at()].pc.0 + 1),
+    };
+    Some(Common { level, form, side: Side::Until(end) })
+}
+
+/// The same call again: the loop without keys around it, or the whole body.
+fn repeated(program: &Program, level: usize, path: &[u32]) -> Common {
+    let unkeyed =
+        path.iter().rposition(|form| matches!(program.forms[*form as usize].kind, FormKind::Round(None)));
+    let form = unkeyed.and_then(|at| at.checked_sub(1)).map_or(path[0], |at| path[at]);
+    Common { level, form, side: Side::Later(RecId(0)) }
+}
+
+impl Run {
+    /// The frames between the root and the running one that a key is made of, outermost first.
+    pub(super) fn activations(&self, program: &Program) -> Vec<Activation> {
+        use crate::code::FnKind;
+        let mut all = Vec::new();
+        let (mut pc, mut base, mut here) = (self.pc, self.base, self.here);
+        let mut depth = self.frames.len();
+        loop {
+            let rec = self.record(here);
+            loop {
+                let at = Pc(pc.saturating_sub(1));
+                let function = if pc == RESUME { None } else { program.function_at(at) };
+                if let Some(function) = function {
+                    let site = program.site_at(function, at);
+                    all.push(Activation { site, pc, base, here, depth });
+                    if !matches!(program.functions[function.at()].kind, FnKind::Function | FnKind::Lambda) {
+                        break;
+                    }
+                }
+                match depth.checked_sub(1).map(|at| self.frames[at]) {
+                    Some(frame) if self.record(frame.here) == rec => {
+                        (pc, base, here) = (frame.pc, frame.base, frame.here);
+                        depth -= 1;
+                    }
+                    _ => break,
+                }
+            }
+            while depth > 0 && self.record(self.frames[depth - 1].here) == rec {
+                depth -= 1;
+            }
+            let Some(at) = depth.checked_sub(1) else { break };
+            let frame = self.frames[at];
+            (pc, base, here, depth) = (frame.pc, frame.base, frame.here, at);
+        }
+        all.retain(|it| it.site.is_some());
+        all.reverse();
+        all
+    }
+}
+
+/// The side of a place whose own common form is inside of `form`.
+pub(super) fn side_within(
+    program: &Program,
+    form: u32,
+    inner: &Common,
+    mine: &[(Level, SlotId)],
+    level: usize,
+) -> Side {
+    let from = if inner.level == level { inner.form } else { program.sites[mine[level].0.site.at()].form };
+    let child = program.forms_outward(from).map(|(id, _)| id).take_while(|id| *id != form).last();
+    match child {
+        Some(child) => match program.forms[child as usize].key() {
+            Some(_) => own_side(program, form, &mine[level].0),
+            None => Side::Until(program.forms[child as usize].end),
+        },
+        None => Side::Until(Pc(program.sites[mine[level].0.site.at()].pc.0 + 1)),
+    }
+}
+
+/// The part of `form` that the call itself stands in.
+pub(super) fn own_side(program: &Program, form: u32, level: &Level) -> Side {
+    let site = &program.sites[level.site.at()];
+    let outward: Vec<u32> = program.forms_outward(site.form).map(|(id, _)| id).collect();
+    let Some(child) = outward.iter().take_while(|id| **id != form).last() else {
+        return Side::Until(Pc(site.pc.0 + 1));
+    };
+    if program.forms[*child as usize].key().is_none() {
+        return Side::Until(program.forms[*child as usize].end);
+    }
+    // How many keyed rounds stand around the common form: the next key is that of the child.
+    let around = program.forms_outward(form).filter(|(_, it)| it.key().is_some()).count();
+    match level.rounds.get(around) {
+        Some(step) => Side::Round(*child, step.clone()),
+        None => Side::Until(program.forms[*child as usize].end),
+    }
+}
+
+/// The keys of rounds between two places in the tree that an edit was made for. (3)
+pub(in crate::machine) fn between(program: &Program, tree: &Tree, p: SlotId, q: SlotId) -> Option<Vec<Step>> {
+    let (mine, theirs) = (levels(tree, p), levels(tree, q));
+    let common = common_form(program, &mine, &theirs)?;
+    let Side::Round(_, last) = &common.side else { return None };
+    let number = program.forms_outward(common.form).filter(|(_, form)| form.key().is_some()).count();
+    let (at, slot) = (&mine[common.level].0, mine[common.level].1);
+    let first = at.rounds.get(number)?;
+    let mut steps: Vec<Step> = Vec::new();
+    let before: Vec<Level> = mine[..common.level].iter().map(|(level, _)| level.clone()).collect();
+    for child in tree.children(tree.slot(slot).parent) {
+        let theirs = levels(tree, child);
+        let same =
+            theirs.len() > common.level && theirs.iter().zip(&before).all(|((level, _), mine)| level == mine);
+        let round = theirs
+            .get(common.level)
+            .filter(|_| same)
+            .and_then(|(level, _)| level.rounds.get(number).cloned());
+        if let Some(round) = round.filter(|round| !steps.contains(round)) {
+            steps.push(round);
+        }
+    }
+    let place = |step: &Step| steps.iter().position(|it| it == step);
+    let (from, to) = (place(first)?, place(last)?);
+    Some(steps.get(from + 1..to).unwrap_or_default().to_vec())
+}
