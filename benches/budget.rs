@@ -164,7 +164,12 @@ fn plans(wanted: &dyn Fn(&str) -> bool) {
             times.push(program.run(&[25]).1);
             bytes = program.session.machine.tree().bytes() as f64 / NODES;
         }
-        line("plan/fresh", median(times) / NODES, "call", &format!("{bytes:.0} bytes per node (must 120 ns, 160 B)"));
+        line(
+            "plan/fresh",
+            median(times) / NODES,
+            "call",
+            &format!("{bytes:.0} bytes per node (must 120 ns, 160 B)"),
+        );
     }
     for (name, keep, must) in [("plan/reused", false, 55), ("plan/again", true, 55)] {
         if !wanted(name) {
@@ -260,7 +265,12 @@ fn depth(wanted: &dyn Fn(&str) -> bool) {
         assert!(matches!(progress, Progress::Stopped));
         let machine = &program.session.machine;
         let bytes = (machine.frame_bytes() + machine.tree().bytes() - nodes) as f64 / (DEPTH as f64 / 2.0);
-        line(name, median(times) / DEPTH as f64, "call", &format!("{bytes:.0} bytes per level (must {must} B)"));
+        line(
+            name,
+            median(times) / DEPTH as f64,
+            "call",
+            &format!("{bytes:.0} bytes per level (must {must} B)"),
+        );
     }
 }
 
@@ -275,7 +285,11 @@ const FAIL: &str = "
 ";
 
 fn failures(wanted: &dyn Fn(&str) -> bool) {
-    for (name, function, must) in [("fail/functions", "functions", 250), ("fail/plans", "plans", 600), ("fail/clean-ups", "cleanups", 650)] {
+    for (name, function, must) in [
+        ("fail/functions", "functions", 250),
+        ("fail/plans", "plans", 600),
+        ("fail/clean-ups", "cleanups", 650),
+    ] {
         if !wanted(name) {
             continue;
         }
@@ -287,7 +301,12 @@ fn failures(wanted: &dyn Fn(&str) -> bool) {
             program.session.machine.restart(false);
             times.push(program.run(&[FAILURES]).1);
         }
-        line(name, median(times) / FAILURES as f64, "failure", &format!("through 10 frames (must {must} ns)"));
+        line(
+            name,
+            median(times) / FAILURES as f64,
+            "failure",
+            &format!("through 10 frames (must {must} ns)"),
+        );
     }
 }
 

@@ -106,7 +106,9 @@ pub fn read_text(path: &Path) -> Result<String, String> {
     String::from_utf8(bytes).map_err(|error| {
         let at = error.utf8_error().valid_up_to();
         let line = error.as_bytes()[..at].iter().filter(|byte| **byte == b'\n').count() + 1;
-        format!("cannot read {name}: it is no UTF-8 text; the first wrong byte is number {at}, in line {line}")
+        format!(
+            "cannot read {name}: it is no UTF-8 text; the first wrong byte is number {at}, in line {line}"
+        )
     })
 }
 
@@ -136,7 +138,10 @@ impl Loader for Files {
         let path = folder.join(&file_name);
         match path.exists() {
             true => self.read(&path),
-            false => Err(format!("there is no library module and no file of this name; looked for {}", path.display())),
+            false => Err(format!(
+                "there is no library module and no file of this name; looked for {}",
+                path.display()
+            )),
         }
     }
 }

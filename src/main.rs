@@ -17,7 +17,9 @@ fn main() -> ExitCode {
             ExitCode::from(101)
         }
         Err(error) => {
-            cli::term::complain(&format!("error: there is no memory for a stack of {STACK_BYTES} bytes: {error}\n"));
+            cli::term::complain(&format!(
+                "error: there is no memory for a stack of {STACK_BYTES} bytes: {error}\n"
+            ));
             ExitCode::from(2)
         }
     }

@@ -74,7 +74,8 @@ fn in_file(file: &File, diagnostic: &dyn Diagnostic, style: Style) -> String {
         let before = file.text.get(..label.offset()).unwrap_or_default();
         let line = before.matches('\n').count() + 1;
         let column = before.rsplit('\n').next().map_or(0, |line| line.chars().count()) + 1;
-        let _ = writeln!(text, "  {}:{line}:{column}: {}", file.name, printable(label.label().unwrap_or("here")));
+        let _ =
+            writeln!(text, "  {}:{line}:{column}: {}", file.name, printable(label.label().unwrap_or("here")));
     }
     text
 }
@@ -82,8 +83,10 @@ fn in_file(file: &File, diagnostic: &dyn Diagnostic, style: Style) -> String {
 /// True if the lines that a label touches, and those beside them, are not too long to be read.
 fn has_short_lines(text: &str, start: usize, len: usize) -> bool {
     let (Some(before), Some(after)) = (text.get(..start), text.get(start + len..)) else { return true };
-    let first = before.len() - before.rsplit('\n').take(2).map(|line| line.len() + 1).sum::<usize>().min(before.len());
-    let last = start + len + after.split('\n').take(2).map(|line| line.len() + 1).sum::<usize>().min(after.len());
+    let first = before.len()
+        - before.rsplit('\n').take(2).map(|line| line.len() + 1).sum::<usize>().min(before.len());
+    let last =
+        start + len + after.split('\n').take(2).map(|line| line.len() + 1).sum::<usize>().min(after.len());
     text.get(first..last).is_none_or(|lines| lines.lines().all(|line| line.len() <= LONGEST_LINE))
 }
 

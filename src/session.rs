@@ -129,7 +129,8 @@ impl Host for Door<'_> {
             }
             Request::WriteFile { path, text } => {
                 granted("write", path, &self.grants.write)?;
-                std::fs::write(path, text).map_err(|error| format!("cannot write {path}: {}", crate::files::why(&error)))?;
+                std::fs::write(path, text)
+                    .map_err(|error| format!("cannot write {path}: {}", crate::files::why(&error)))?;
                 Ok(Json::Null)
             }
             Request::Clock => {
@@ -158,11 +159,18 @@ fn granted(word: &str, path: &str, folders: &[String]) -> Result<(), String> {
     let path_buf = PathBuf::from(path);
     let full = resolve(&path_buf).or_else(|| {
         // A file to be written may not exist: its folder must.
-        let folder = path_buf.parent().map(|it| if it.as_os_str().is_empty() { Path::new(".") } else { it })?;
+        let folder =
+            path_buf.parent().map(|it| if it.as_os_str().is_empty() { Path::new(".") } else { it })?;
         Some(resolve(folder)?.join(path_buf.file_name()?))
     });
-    let inside = full.is_some_and(|full| folders.iter().filter_map(|it| resolve(Path::new(it))).any(|it| full.starts_with(it)));
-    if inside { Ok(()) } else { Err(format!("cannot {word} {path}: no grant for it; allow it with --allow {word}=DIR")) }
+    let inside = full.is_some_and(|full| {
+        folders.iter().filter_map(|it| resolve(Path::new(it))).any(|it| full.starts_with(it))
+    });
+    if inside {
+        Ok(())
+    } else {
+        Err(format!("cannot {word} {path}: no grant for it; allow it with --allow {word}=DIR"))
+    }
 }
 
 impl Session {
@@ -183,7 +191,16 @@ impl Session {
             library.push(module);
         }
         let module = front.new_module("user");
-        let mut session = Session { files, front, machine, module, stop_at: None, sealed: false, log_ended: false, style: options.style };
+        let mut session = Session {
+            files,
+            front,
+            machine,
+            module,
+            stop_at: None,
+            sealed: false,
+            log_ended: false,
+            style: options.style,
+        };
         for loaded in library {
             let errors: Vec<String> = loaded.reports.iter().map(|it| session.report(it)).collect();
             assert!(errors.is_empty(), "the library has errors:\n{}", errors.join("\n"));
@@ -276,7 +293,8 @@ impl Session {
     pub fn go(&mut self, output: &mut dyn Output, stop: Option<u64>) -> Progress {
         let Session { files, front, machine, style, sealed, log_ended, .. } = self;
         let grants = machine.grants.clone();
-        let mut door = Door { front, files, grants: &grants, output, style: *style, sealed: *sealed, log_ended };
+        let mut door =
+            Door { front, files, grants: &grants, output, style: *style, sealed: *sealed, log_ended };
         machine.go(&mut door, stop)
     }
 
@@ -346,7 +364,9 @@ impl Session {
         let diagnostics: String = loaded.reports.iter().map(|report| self.report(report)).collect();
         let outcome = match self.run(loaded, None, &mut printed) {
             Ended::Ran(Ok(value)) => Ok(value),
-            Ended::Ran(Err(failure)) | Ended::NotLoaded(failure) => Err(render::failure(&self.files, &failure)),
+            Ended::Ran(Err(failure)) | Ended::NotLoaded(failure) => {
+                Err(render::failure(&self.files, &failure))
+            }
             Ended::Errors(reports) => Err(reports.iter().map(|report| self.report(report)).collect()),
             Ended::Stopped => Err("stopped".into()),
         };

@@ -349,7 +349,13 @@ impl Compiler<'_> {
                 self.program.globals.push(name);
             }
             let id = self.declare(name, FnKind::TopLevel, work.module);
-            work.init.push(Init::Const { id, global, value: value.clone(), name, within: self.within.clone() });
+            work.init.push(Init::Const {
+                id,
+                global,
+                value: value.clone(),
+                name,
+                within: self.within.clone(),
+            });
         }
     }
 
@@ -408,7 +414,8 @@ impl Compiler<'_> {
             let (module, kind, params, span) =
                 (work.module, FnKind::TopLevel, ParamForms::default(), form.span);
             let within = self.within.clone();
-            self.pending.insert(id, Pending { module, name, kind, params, body: body.to_vec(), span, within });
+            self.pending
+                .insert(id, Pending { module, name, kind, params, body: body.to_vec(), span, within });
             work.functions.push(id);
         }
     }

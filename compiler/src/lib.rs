@@ -319,7 +319,11 @@ impl Front {
     ///
     /// # Errors
     /// What is wrong with the code.
-    pub fn compile_edit(&mut self, program: &mut Program, code: &CodeRequest<'_>) -> Result<FnId, Vec<Report>> {
+    pub fn compile_edit(
+        &mut self,
+        program: &mut Program,
+        code: &CodeRequest<'_>,
+    ) -> Result<FnId, Vec<Report>> {
         let module = self.homes.get(&code.home).copied().unwrap_or(ModuleId(0));
         let mut id = FnId(0);
         let loaded = self.with(program, |compiler| {

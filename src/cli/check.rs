@@ -122,7 +122,9 @@ fn add(it: &Check, session: &Session, report: &Report, findings: &mut Findings) 
 fn code(session: &Session, path: &Path) -> String {
     let program = &session.machine.program;
     let name = path.display().to_string();
-    let of_file = |place: vm::Place| session.files.get(grammar::FileId(place.file)).is_some_and(|file| file.name == name);
+    let of_file = |place: vm::Place| {
+        session.files.get(grammar::FileId(place.file)).is_some_and(|file| file.name == name)
+    };
     let mut functions: Vec<FnId> = (0..program.functions.len() as u32).map(FnId).collect();
     functions.retain(|id| program.functions[id.at()].end > program.functions[id.at()].entry);
     functions.retain(|id| of_file(program.functions[id.at()].place));
@@ -140,7 +142,8 @@ fn grants(it: &Check, session: &Session, loaded: &Loaded, findings: &mut Finding
         }
         if it.json {
             let mut json = json!({"effect": effect.name(), "native": name});
-            if let (Json::Object(json), Json::Object(place)) = (&mut json, json::place(&session.files, place)) {
+            if let (Json::Object(json), Json::Object(place)) = (&mut json, json::place(&session.files, place))
+            {
                 json.extend(place);
             }
             findings.grants.push(json);
@@ -173,7 +176,11 @@ fn effects(session: &Session, init: &[FnId]) -> Vec<(Effect, &'static str, Pc)> 
                     Some(Value::Imm(Imm::Function(id))) => todo.push(id),
                     Some(Value::Imm(Imm::Native(native))) => {
                         let native = &program.natives[native.at()];
-                        found.extend((native.effect != Effect::Pure).then_some((native.effect, native.name, Pc(pc))));
+                        found.extend((native.effect != Effect::Pure).then_some((
+                            native.effect,
+                            native.name,
+                            Pc(pc),
+                        )));
                     }
                     _ => {}
                 }

@@ -71,7 +71,10 @@ fn unknown(session: &Session, name: &str) -> Trouble {
     let names: Vec<Symbol> = visible.iter().copied().chain(failures).collect();
     let help = match nearest(name, names.iter().map(|name| name.as_str()).chain(words)) {
         Some(near) => format!("did you mean `{near}`?"),
-        None => "`pleach doc` lists modules and special forms; `pleach doc MODULE` lists the names of a module".into(),
+        None => {
+            "`pleach doc` lists modules and special forms; `pleach doc MODULE` lists the names of a module"
+                .into()
+        }
     };
     Trouble::new(format!("nothing is called `{}`", vm::show::safe(name)), help)
 }
@@ -86,9 +89,17 @@ fn definition_page(session: &Session, name: Symbol, definition: &Definition) -> 
     let whence = match prelude {
         Some(id) => format!(" of the module {}", session.front.modules.get(id).name),
         None if span == grammar::Span::default() => String::new(),
-        None => format!(", defined at {}", session.files.show(vm::Place { file: span.file.0, start: span.start, end: span.end })),
+        None => format!(
+            ", defined at {}",
+            session.files.show(vm::Place { file: span.file.0, start: span.start, end: span.end })
+        ),
     };
-    format!("{}\n  {}{whence}\n{}", signature(name, definition), definition.meaning.words(), indented(definition.doc.as_deref()))
+    format!(
+        "{}\n  {}{whence}\n{}",
+        signature(name, definition),
+        definition.meaning.words(),
+        indented(definition.doc.as_deref())
+    )
 }
 
 /// `(name params…)` of what can be called, else the name.
@@ -106,7 +117,14 @@ pub fn signature(name: Symbol, definition: &Definition) -> String {
 fn home(session: &Session, name: Symbol, definition: &Definition) -> Option<ModuleId> {
     let inner = name.rsplit('/').next().map(Symbol::from).unwrap_or(name);
     let same = |known: &&Definition| known.span == definition.span && known.meaning == definition.meaning;
-    let has = |name| session.front.modules.iter().find(|(_, it)| it.names.get(&name).filter(same).is_some()).map(|(id, _)| id);
+    let has = |name| {
+        session
+            .front
+            .modules
+            .iter()
+            .find(|(_, it)| it.names.get(&name).filter(same).is_some())
+            .map(|(id, _)| id)
+    };
     has(name).or_else(|| has(inner))
 }
 
@@ -121,7 +139,8 @@ fn failure_page(session: &Session, id: TypeId) -> String {
     let parents = ancestors(session, it);
     let below = if parents.is_empty() { String::new() } else { format!(", below {}", parents.join(", ")) };
     let fields: Vec<&str> = it.fields.iter().map(|field| field.as_str()).collect();
-    let children: Vec<&str> = types.iter().filter(|other| other.parents.contains(&id)).map(|other| other.name.as_str()).collect();
+    let children: Vec<&str> =
+        types.iter().filter(|other| other.parents.contains(&id)).map(|other| other.name.as_str()).collect();
     let mut page = format!("{}\n  a type of failures{below}\n{}", it.name, indented(it.doc.as_deref()));
     if !fields.is_empty() {
         page += &format!("  fields: {}\n", fields.join(" "));

@@ -66,8 +66,9 @@ fn one(path: &Path, check: bool) -> Result<bool, String> {
     }
     match check {
         true => term::say(&format!("{name}\n")),
-        false => replace(path, &formatted)
-            .map_err(|error| term::trouble(&Trouble::from(format!("cannot write {name}: {}", why(&error)))))?,
+        false => replace(path, &formatted).map_err(|error| {
+            term::trouble(&Trouble::from(format!("cannot write {name}: {}", why(&error))))
+        })?,
     }
     Ok(true)
 }
@@ -77,7 +78,9 @@ fn format(name: &str, text: &str) -> Result<String, String> {
     grammar::format(text).map_err(|errors| {
         let mut files = Files::default();
         files.add(name, text);
-        let reports = errors.into_iter().map(|error| render::report(&files, &Report::Parse(error), term::error_style()));
+        let reports = errors
+            .into_iter()
+            .map(|error| render::report(&files, &Report::Parse(error), term::error_style()));
         reports.collect()
     })
 }

@@ -48,11 +48,15 @@ pub struct Recorded {
 impl Journal {
     /// Starts a log. A file that is something else is not overwritten.
     pub fn create(path: &Path, job: &Job, files: &Files) -> Result<Journal, Trouble> {
-        if path.exists() && std::fs::metadata(path).is_ok_and(|it| it.is_file() && it.len() > 0) && read_head(path).is_err() {
+        if path.exists()
+            && std::fs::metadata(path).is_ok_and(|it| it.is_file() && it.len() > 0)
+            && read_head(path).is_err()
+        {
             let what = format!("{} is not the log of a run, and is not overwritten", path.display());
             return Err(Trouble::new(what, "choose another name after --log"));
         }
-        let cannot = |error| Trouble::from(format!("cannot write the log {}: {}", path.display(), why(&error)));
+        let cannot =
+            |error| Trouble::from(format!("cannot write the log {}: {}", path.display(), why(&error)));
         let file = File::create(path).map_err(cannot)?;
         let mut journal = Journal { file, path: path.into() };
         journal.line(&head(job, files)).map_err(cannot)?;
@@ -68,7 +72,8 @@ impl Journal {
             file.seek(SeekFrom::End(0))?;
             Ok(file)
         };
-        let file = open().map_err(|error| format!("cannot write the log {}: {}", path.display(), why(&error)))?;
+        let file =
+            open().map_err(|error| format!("cannot write the log {}: {}", path.display(), why(&error)))?;
         Ok(Journal { file, path: path.clone() })
     }
 
@@ -85,7 +90,8 @@ impl Journal {
 impl Recorded {
     /// Reads a log.
     pub fn read(path: &Path) -> Result<Recorded, Trouble> {
-        let cannot = |error| Trouble::from(format!("cannot read the log {}: {}", path.display(), why(&error)));
+        let cannot =
+            |error| Trouble::from(format!("cannot read the log {}: {}", path.display(), why(&error)));
         let full = path.canonicalize().map_err(cannot)?;
         let head = read_head(&full)?;
         let text = std::fs::read(&full).map_err(cannot)?;
@@ -100,11 +106,15 @@ impl Recorded {
                 continue;
             }
             let entry = serde_json::from_slice(line).ok().and_then(|json: Json| Entry::from_json(&json));
-            let damaged = || format!("the log {} is damaged: line {} is no entry of a log", path.display(), number + 1);
-            log.entries.push(entry.ok_or_else(|| Trouble::new(damaged(), "delete this line and all below it to go on from there"))?);
+            let damaged =
+                || format!("the log {} is damaged: line {} is no entry of a log", path.display(), number + 1);
+            log.entries.push(entry.ok_or_else(|| {
+                Trouble::new(damaged(), "delete this line and all below it to go on from there")
+            })?);
         }
         let hashes = head["files"].as_array().into_iter().flatten();
-        let hashes = hashes.filter_map(|it| Some((it["name"].as_str()?.to_string(), it["hash"].as_str()?.to_string())));
+        let hashes = hashes
+            .filter_map(|it| Some((it["name"].as_str()?.to_string(), it["hash"].as_str()?.to_string())));
         let unfit = || format!("the head of the log {} lacks what is needed to run again", path.display());
         let job = job_of(&head).ok_or_else(unfit)?;
         let folder = head["folder"].as_str().unwrap_or(".").into();
@@ -114,8 +124,15 @@ impl Recorded {
     /// Goes to the folder that the program was run in: its paths count from there.
     pub fn enter_folder(&self) -> Result<(), Trouble> {
         std::env::set_current_dir(&self.folder).map_err(|error| {
-            let what = format!("cannot go to {}, where the logged run was started: {}", self.folder.display(), why(&error));
-            Trouble::new(what, "put the program back there, or change \"folder\" in the first line of the log")
+            let what = format!(
+                "cannot go to {}, where the logged run was started: {}",
+                self.folder.display(),
+                why(&error)
+            );
+            Trouble::new(
+                what,
+                "put the program back there, or change \"folder\" in the first line of the log",
+            )
         })
     }
 
@@ -126,7 +143,9 @@ impl Recorded {
         for (name, hash) in &self.hashes {
             match now.iter().find(|(other, _)| other == name) {
                 Some((_, other)) if other == hash => {}
-                Some(_) if name == LIBRARY => changed.push("the library is that of another version of pleach".into()),
+                Some(_) if name == LIBRARY => {
+                    changed.push("the library is that of another version of pleach".into())
+                }
                 Some(_) => changed.push(format!("{name} has changed")),
                 None => changed.push(format!("{name} is not used any more")),
             }
@@ -136,7 +155,11 @@ impl Recorded {
         if changed.is_empty() {
             return Ok(());
         }
-        let what = format!("the program is not the one that wrote the log {}: {}", self.path.display(), changed.join(", "));
+        let what = format!(
+            "the program is not the one that wrote the log {}: {}",
+            self.path.display(),
+            changed.join(", ")
+        );
         Err(Trouble::new(what, "put the old text back, or start again with `pleach run`"))
     }
 }
@@ -171,15 +194,24 @@ fn job_of(head: &Json) -> Option<Job> {
 }
 
 fn read_head(path: &Path) -> Result<Json, Trouble> {
-    let no_log = || Trouble::new(format!("{} is not the log of a run", path.display()), "logs are written by `pleach run FILE --log LOG`");
-    let file = File::open(path).map_err(|error| format!("cannot read the log {}: {}", path.display(), why(&error)))?;
+    let no_log = || {
+        Trouble::new(
+            format!("{} is not the log of a run", path.display()),
+            "logs are written by `pleach run FILE --log LOG`",
+        )
+    };
+    let file = File::open(path)
+        .map_err(|error| format!("cannot read the log {}: {}", path.display(), why(&error)))?;
     let mut line = Vec::new();
     BufReader::new(file).take(LONGEST_HEAD).read_until(b'\n', &mut line).map_err(|_| no_log())?;
     let head: Json = serde_json::from_slice(&line).map_err(|_| no_log())?;
     match head["pleach-log"].as_u64() {
         Some(VERSION) if line.last() == Some(&b'\n') => Ok(head),
         Some(other) if other != VERSION => {
-            let what = format!("{} is a log of version {other}; this pleach reads version {VERSION}", path.display());
+            let what = format!(
+                "{} is a log of version {other}; this pleach reads version {VERSION}",
+                path.display()
+            );
             Err(Trouble::new(what, "use the pleach that wrote it"))
         }
         _ => Err(no_log()),
@@ -188,8 +220,12 @@ fn read_head(path: &Path) -> Result<Json, Trouble> {
 
 /// Names and hashes of the files of a program; those of the library together.
 fn hashes(files: &Files) -> Vec<(String, String)> {
-    let library: String = files.iter().filter(|file| file.name.starts_with(LIBRARY)).map(|file| file.text.as_str()).collect();
-    let own = files.iter().filter(|file| !file.name.starts_with(LIBRARY)).map(|file| (file.name.clone(), hash(&file.text)));
+    let library: String =
+        files.iter().filter(|file| file.name.starts_with(LIBRARY)).map(|file| file.text.as_str()).collect();
+    let own = files
+        .iter()
+        .filter(|file| !file.name.starts_with(LIBRARY))
+        .map(|file| (file.name.clone(), hash(&file.text)));
     std::iter::once((LIBRARY.to_string(), hash(&library))).chain(own).collect()
 }
 

@@ -144,7 +144,13 @@ pub fn perform(job: &Job, show: &Show, start: &Start<'_>) -> Answer {
     code
 }
 
-fn run_call(session: &mut Session, loaded: Loaded, call: Option<&str>, start: &Start<'_>, console: &mut Console) -> Ended {
+fn run_call(
+    session: &mut Session,
+    loaded: Loaded,
+    call: Option<&str>,
+    start: &Start<'_>,
+    console: &mut Console,
+) -> Ended {
     session.stop_at = start.stop_at;
     session.sealed = start.sealed;
     if let Some(recorded) = start.recorded {
@@ -176,9 +182,15 @@ fn call(session: &Session, job: &Job) -> Result<Option<String>, Trouble> {
     for arg in &job.args {
         let parsed = grammar::parse(grammar::FileId(0), arg);
         if !parsed.errors.is_empty() || parsed.forms.len() != 1 {
-            let why = parsed.errors.first().map_or(format!("it has {} forms, not one", parsed.forms.len()), ToString::to_string);
+            let why = parsed
+                .errors
+                .first()
+                .map_or(format!("it has {} forms, not one", parsed.forms.len()), ToString::to_string);
             let what = format!("--arg {} is no form: {why}", vm::show::safe(arg));
-            return Err(Trouble::new(what, "each --arg is one form, as it stands in a program: --arg \"'milk\" --arg 3 --arg '\"text\"'"));
+            return Err(Trouble::new(
+                what,
+                "each --arg is one form, as it stands in a program: --arg \"'milk\" --arg 3 --arg '\"text\"'",
+            ));
         }
     }
     let name = match &job.plan {
@@ -190,14 +202,19 @@ fn call(session: &Session, job: &Job) -> Result<Option<String>, Trouble> {
         return Err(no_plan(session, name));
     }
     // A line end keeps a comment in an argument from hiding what follows.
-    let args: String = job.args.iter().map(|arg| format!(" {arg}{}", if arg.contains(';') { "\n" } else { "" })).collect();
+    let args: String =
+        job.args.iter().map(|arg| format!(" {arg}{}", if arg.contains(';') { "\n" } else { "" })).collect();
     Ok(Some(format!("({name}{args})")))
 }
 
 fn no_plan(session: &Session, name: &str) -> Trouble {
     use compiler::module::Meaning;
     let module = session.front.modules.get(session.module);
-    let plans = module.names.iter().filter(|(_, it)| matches!(it.meaning, Meaning::Plan(..))).map(|(name, _)| name.as_str());
+    let plans = module
+        .names
+        .iter()
+        .filter(|(_, it)| matches!(it.meaning, Meaning::Plan(..)))
+        .map(|(name, _)| name.as_str());
     let plans: Vec<&str> = plans.take(20).collect();
     let help = match (compiler::module::nearest(name, plans.iter().copied()), plans.as_slice()) {
         (Some(near), _) => format!("did you mean `{near}`?"),
@@ -236,14 +253,23 @@ impl Console {
             true => (Box::new(std::io::stderr()), std::io::stderr().is_terminal()),
             false => (Box::new(std::io::stdout()), std::io::stdout().is_terminal()),
         };
-        Console { out: BufWriter::with_capacity(1 << 16, out), watched, trace: show.trace, journal, halt: None, rounds: 0 }
+        Console {
+            out: BufWriter::with_capacity(1 << 16, out),
+            watched,
+            trace: show.trace,
+            journal,
+            halt: None,
+            rounds: 0,
+        }
     }
 
     fn wrote(&mut self, result: std::io::Result<()>) {
         if let Err(error) = result {
             self.halt.get_or_insert(match error.kind() {
                 std::io::ErrorKind::BrokenPipe => Halt::NoReader,
-                _ => Halt::Broken(format!("cannot write the program's output: {}", pleach::files::why(&error))),
+                _ => {
+                    Halt::Broken(format!("cannot write the program's output: {}", pleach::files::why(&error)))
+                }
             });
         }
     }
@@ -272,7 +298,8 @@ impl Output for Console {
         if let Some(journal) = &mut self.journal
             && let Err(error) = journal.add(entry)
         {
-            let why = format!("cannot write the log {}: {}", journal.path.display(), pleach::files::why(&error));
+            let why =
+                format!("cannot write the log {}: {}", journal.path.display(), pleach::files::why(&error));
             self.halt.get_or_insert(Halt::Broken(why));
         }
     }
@@ -368,7 +395,11 @@ fn stopped_text(session: &Session, console: &Console) -> String {
         (None, true) => "the log ends here: stopped",
         (None, false) => "stopped",
     };
-    let mut text = format!("{why} at step {}, {} s of the task clock\n", machine.steps(), vm::show::seconds(machine.now()));
+    let mut text = format!(
+        "{why} at step {}, {} s of the task clock\n",
+        machine.steps(),
+        vm::show::seconds(machine.now())
+    );
     text += &place_text(session);
     if let Some(journal) = &console.journal {
         text += &format!("go on with: pleach resume {}\n", journal.path.display());
@@ -384,7 +415,8 @@ pub fn place_text(session: &Session) -> String {
     for (function, pc) in calls.iter().take(MOST_CALLS) {
         let function = &machine.program.functions[function.at()];
         let place = machine.program.places.get(pc.at()).copied().unwrap_or_default();
-        text += &format!("  in {} {} at {}\n", function.kind.word(), function.name, session.files.show(place));
+        text +=
+            &format!("  in {} {} at {}\n", function.kind.word(), function.name, session.files.show(place));
     }
     if calls.len() > MOST_CALLS {
         text += "  …\n";

@@ -38,12 +38,20 @@ pub struct Settings {
 impl Settings {
     /// As options of a session.
     pub fn options(&self, style: Style) -> Result<Options, Trouble> {
-        Ok(Options { limits: self.limits(), grants: self.grants()?, seed: self.seed, style, ..Options::default() })
+        Ok(Options {
+            limits: self.limits(),
+            grants: self.grants()?,
+            seed: self.seed,
+            style,
+            ..Options::default()
+        })
     }
 
     fn limits(&self) -> Limits {
         let default = Limits::default();
-        let size = |given: Option<u64>, default: usize| given.map_or(default, |it| usize::try_from(it).unwrap_or(usize::MAX));
+        let size = |given: Option<u64>, default: usize| {
+            given.map_or(default, |it| usize::try_from(it).unwrap_or(usize::MAX))
+        };
         Limits {
             fuel: self.fuel.unwrap_or(default.fuel),
             depth: size(self.depth, default.depth),
@@ -56,7 +64,9 @@ impl Settings {
     fn grants(&self) -> Result<Grants, Trouble> {
         let mut grants = Grants::default();
         for text in &self.allow {
-            grants.allow(text).map_err(|why| Trouble::new(format!("--allow {text}: {why}"), "for example: --allow read=data"))?;
+            grants.allow(text).map_err(|why| {
+                Trouble::new(format!("--allow {text}: {why}"), "for example: --allow read=data")
+            })?;
             if let Some((_, path)) = text.split_once('=')
                 && !std::path::Path::new(path).exists()
             {
@@ -70,7 +80,8 @@ impl Settings {
     /// For the head of a log: all that was given or is the default.
     pub fn to_json(&self) -> Json {
         let Limits { fuel, depth, memory, nodes, output } = self.limits();
-        let limits = json!({"fuel": fuel, "depth": depth, "memory": memory, "nodes": nodes, "output": output});
+        let limits =
+            json!({"fuel": fuel, "depth": depth, "memory": memory, "nodes": nodes, "output": output});
         json!({"seed": self.seed, "limits": limits, "allow": self.allow})
     }
 
@@ -106,7 +117,8 @@ fn bytes(text: &str) -> Result<u64, String> {
         _ => 0,
     };
     let digits = if shift > 0 { &unit[..unit.len() - 1] } else { text };
-    let number = count(digits).map_err(|_| format!("`{text}` is no number of bytes, as in 1000, 64K, 512M, 2G"))?;
+    let number =
+        count(digits).map_err(|_| format!("`{text}` is no number of bytes, as in 1000, 64K, 512M, 2G"))?;
     number.checked_mul(1 << shift).ok_or_else(|| format!("`{text}` is too large"))
 }
 

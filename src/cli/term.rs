@@ -44,7 +44,10 @@ fn wants_colour() -> bool {
 
 /// What went wrong and what to do, as text.
 pub fn trouble(trouble: &Trouble) -> String {
-    let help = trouble.help.as_ref().map_or(String::new(), |help| format!("  help: {}\n", help.replace('\n', "\n        ")));
+    let help = trouble
+        .help
+        .as_ref()
+        .map_or(String::new(), |help| format!("  help: {}\n", help.replace('\n', "\n        ")));
     format!("error: {}\n{help}", trouble.what)
 }
 
@@ -56,13 +59,20 @@ pub fn paint(text: &str, colour: u8, style: Style) -> String {
 /// A tree in colours: its words for outcomes.
 pub fn paint_tree(tree: &str, style: Style) -> String {
     const WORDS: &[(&str, u8)] = &[
-        ("failed", 31), ("succeeded", 32), ("skipped", 33), ("evaporated", 33), ("deferred", 33), ("running", 36), ("suspended", 36),
+        ("failed", 31),
+        ("succeeded", 32),
+        ("skipped", 33),
+        ("evaporated", 33),
+        ("deferred", 33),
+        ("running", 36),
+        ("suspended", 36),
     ];
     if !style.colour {
         return tree.to_string();
     }
     let line = |line: &str| {
-        let found = WORDS.iter().filter_map(|(word, colour)| Some((line.find(&format!("  {word}"))?, word, colour)));
+        let found =
+            WORDS.iter().filter_map(|(word, colour)| Some((line.find(&format!("  {word}"))?, word, colour)));
         let Some((at, word, colour)) = found.min() else { return format!("{line}\n") };
         format!("{}  {}{}\n", &line[..at], paint(word, *colour, style), &line[at + 2 + word.len()..])
     };

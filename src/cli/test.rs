@@ -80,7 +80,10 @@ pub fn run(it: &Test) -> Answer {
     }
     let Tally { passed, failed, broken, tests, errors } = tally;
     if it.json {
-        term::say(&format!("{}\n", json!({"passed": passed, "failed": failed, "tests": tests, "errors": errors})));
+        term::say(&format!(
+            "{}\n",
+            json!({"passed": passed, "failed": failed, "tests": tests, "errors": errors})
+        ));
     } else {
         if broken > 0 {
             term::say(&format!("{} could not be tested\n", count(broken, "file")));
@@ -124,7 +127,10 @@ fn test_file(it: &Test, options: &Options, path: &Path, tally: &mut Tally) {
     if let Err(trouble) = readable(path) {
         tally.broken += 1;
         tally.errors.push(json!({"severity": "error", "message": trouble.what, "file": path}));
-        return if it.json { } else { term::say(&term::trouble(&trouble)) };
+        return if it.json {
+        } else {
+            term::say(&term::trouble(&trouble))
+        };
     }
     let (session, loaded) = load(options, path);
     if let Err(why) = loaded {
@@ -159,7 +165,8 @@ fn readable(path: &Path) -> Result<(), Trouble> {
 /// The tests of the user's module, in the order of its text.
 fn tests(session: &Session, filter: &str) -> Vec<(Symbol, u32)> {
     let names = &session.front.modules.get(session.module).names;
-    let tests = names.iter().filter(|(name, it)| matches!(it.meaning, Meaning::Test(_)) && name.contains(filter));
+    let tests =
+        names.iter().filter(|(name, it)| matches!(it.meaning, Meaning::Test(_)) && name.contains(filter));
     let mut tests: Vec<(Symbol, u32)> = tests.map(|(name, it)| (*name, it.span.start)).collect();
     tests.sort_by_key(|(_, start)| *start);
     tests
@@ -211,7 +218,8 @@ fn test_one(it: &Test, mut session: Session, path: &Path, name: Symbol, tally: &
 fn test_function(session: &Session, name: Symbol) -> Option<(FnId, usize)> {
     let definition = session.front.modules.get(session.module).names.get(&name)?;
     let Meaning::Test(function) = definition.meaning else { return None };
-    let line = session.files.line_column(definition.span.file, definition.span.start).map_or(0, |(line, _)| line);
+    let line =
+        session.files.line_column(definition.span.file, definition.span.start).map_or(0, |(line, _)| line);
     Some((function, line))
 }
 

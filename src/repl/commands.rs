@@ -53,7 +53,9 @@ pub fn run(prompt: &mut Prompt, line: &str) -> After {
         ":help" => term::say(&help()),
         ":doc" => document(prompt, argument),
         ":type" => describe(prompt, argument),
-        ":tree" => term::say(&run::tree_text(&prompt.session, argument == "all", ":tree all", term::out_style())),
+        ":tree" => {
+            term::say(&run::tree_text(&prompt.session, argument == "all", ":tree all", term::out_style()))
+        }
         ":load" => load(prompt, argument),
         ":code" => code(prompt, argument),
         ":expand" => expand(prompt, argument),
@@ -67,13 +69,19 @@ pub fn run(prompt: &mut Prompt, line: &str) -> After {
 fn unknown(word: &str) {
     let near = nearest(word, COMMANDS.iter().map(|(name, ..)| *name));
     let help = near.map_or("`:help` lists the commands.".into(), |name| format!("did you mean {name}?"));
-    term::say(&format!("error: there is no command {}\n  help: {help} A keyword as a value is written '{0}\n", vm::show::safe(word)));
+    term::say(&format!(
+        "error: there is no command {}\n  help: {help} A keyword as a value is written '{0}\n",
+        vm::show::safe(word)
+    ));
 }
 
 fn help() -> String {
-    let line = |(name, wants, does): &(&str, &str, &str)| format!("  {:16} {does}\n", format!("{name} {wants}"));
+    let line =
+        |(name, wants, does): &(&str, &str, &str)| format!("  {:16} {does}\n", format!("{name} {wants}"));
     let commands: String = COMMANDS.iter().map(line).collect();
-    format!("Type a form to see its value, or one of\n{commands}*1 *2 *3 are the last values, *e is the last failure.\n")
+    format!(
+        "Type a form to see its value, or one of\n{commands}*1 *2 *3 are the last values, *e is the last failure.\n"
+    )
 }
 
 fn document(prompt: &Prompt, name: &str) {
@@ -110,11 +118,17 @@ fn code(prompt: &Prompt, name: &str) {
     let session = &prompt.session;
     match session.front.modules.look_up(session.module, Symbol::from(name)) {
         Found::One(definition) => match definition.meaning {
-            Meaning::Function(id, _) | Meaning::Plan(id, _) | Meaning::Open(id, _) | Meaning::Macro(id, _) | Meaning::Test(id) => {
+            Meaning::Function(id, _)
+            | Meaning::Plan(id, _)
+            | Meaning::Open(id, _)
+            | Meaning::Macro(id, _)
+            | Meaning::Test(id) => {
                 term::say(&vm::disasm::function(&session.machine.program, id));
             }
             Meaning::Native(..) => term::say(&format!("{name} is written in Rust: it has no instructions\n")),
-            Meaning::Const(_) | Meaning::Failure(_) => term::say(&format!("{name} is {}: it has no instructions\n", definition.meaning.words())),
+            Meaning::Const(_) | Meaning::Failure(_) => {
+                term::say(&format!("{name} is {}: it has no instructions\n", definition.meaning.words()))
+            }
         },
         _ => document(prompt, name),
     }

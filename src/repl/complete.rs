@@ -18,7 +18,8 @@ pub fn names(session: &Session) -> Vec<String> {
 /// Where the word at `pos` begins, and what it could become.
 pub fn candidates(names: &[String], line: &str, pos: usize) -> (usize, Vec<String>) {
     let before = &line[..pos];
-    let start = before.rfind(|c: char| c.is_whitespace() || "()[]{}\"'`,;".contains(c)).map_or(0, |at| at + 1);
+    let start =
+        before.rfind(|c: char| c.is_whitespace() || "()[]{}\"'`,;".contains(c)).map_or(0, |at| at + 1);
     let word = &before[start..];
     if start == 0 && word.starts_with(':') {
         let commands = commands::COMMANDS.iter().map(|(name, ..)| (*name).to_string());
@@ -33,7 +34,8 @@ mod tests {
 
     #[track_caller]
     fn check(line: &str, expected: &[&str]) {
-        let names: Vec<String> = ["dolist", "dotimes", "greet"].iter().map(|name| (*name).to_string()).collect();
+        let names: Vec<String> =
+            ["dolist", "dotimes", "greet"].iter().map(|name| (*name).to_string()).collect();
         assert_eq!(candidates(&names, line, line.len()).1, expected);
     }
 

@@ -7,8 +7,8 @@ use std::path::PathBuf;
 use grammar::Completeness;
 use rustyline::completion::{Completer, FilenameCompleter, Pair};
 use rustyline::error::ReadlineError;
-use rustyline::hint::Hinter;
 use rustyline::highlight::{CmdKind, Highlighter};
+use rustyline::hint::Hinter;
 use rustyline::history::FileHistory;
 use rustyline::validate::{ValidationContext, ValidationResult, Validator};
 use rustyline::{CompletionType, Config, Context, Editor, Helper};
@@ -151,7 +151,8 @@ impl Completer for Typing {
         let (start, found) = complete::candidates(&self.names, line, pos);
         let pair = |name: String| {
             // A command that wants something is followed by it.
-            let wants = commands::COMMANDS.iter().any(|(known, wants, _)| *known == name && !wants.is_empty());
+            let wants =
+                commands::COMMANDS.iter().any(|(known, wants, _)| *known == name && !wants.is_empty());
             let replacement = if wants { format!("{name} ") } else { name.clone() };
             Pair { display: name, replacement }
         };

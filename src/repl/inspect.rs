@@ -30,25 +30,49 @@ pub fn describe(session: &Session, value: &Value) -> String {
             Obj::Pair(..) => {
                 let items: Vec<&Value> = value.iter().collect();
                 text += &headline(Some((items.len(), "element")));
-                text += &parts(session, items.iter().enumerate().map(|(at, item)| (at.to_string(), *item)), items.len());
+                text += &parts(
+                    session,
+                    items.iter().enumerate().map(|(at, item)| (at.to_string(), *item)),
+                    items.len(),
+                );
             }
             Obj::Vector(items) => {
                 text += &headline(Some((items.len(), "element")));
-                text += &parts(session, items.iter().enumerate().map(|(at, item)| (at.to_string(), item)), items.len());
+                text += &parts(
+                    session,
+                    items.iter().enumerate().map(|(at, item)| (at.to_string(), item)),
+                    items.len(),
+                );
             }
             Obj::Map(map) => {
                 let entries = map.iter().map(|(key, value)| (brief(session, key), value));
-                text += &format!("{}, {}\n", value.type_name(), if map.len() == 1 { "1 entry".into() } else { format!("{} entries", map.len()) });
+                text += &format!(
+                    "{}, {}\n",
+                    value.type_name(),
+                    if map.len() == 1 { "1 entry".into() } else { format!("{} entries", map.len()) }
+                );
                 text += &parts(session, entries, map.len());
             }
             Obj::Desc(desc) => {
                 let properties: Vec<_> = desc.properties().collect();
-                text += &format!("description of {} {}\n", if desc.kind.starts_with(['a', 'o']) { "an" } else { "a" }, desc.kind);
-                text += &parts(session, properties.iter().map(|(key, value)| (key.to_string(), *value)), properties.len());
+                text += &format!(
+                    "description of {} {}\n",
+                    if desc.kind.starts_with(['a', 'o']) { "an" } else { "a" },
+                    desc.kind
+                );
+                text += &parts(
+                    session,
+                    properties.iter().map(|(key, value)| (key.to_string(), *value)),
+                    properties.len(),
+                );
             }
             Obj::Failure(failure) => {
                 text += &format!("failure of type {}\n", failure.name);
-                text += &parts(session, failure.fields.iter().map(|(key, value)| (key.to_string(), value)), failure.fields.len());
+                text += &parts(
+                    session,
+                    failure.fields.iter().map(|(key, value)| (key.to_string(), value)),
+                    failure.fields.len(),
+                );
                 if let Some(place) = failure.place {
                     text += &format!("  raised at {}\n", session.files.show(place));
                 }
@@ -58,7 +82,13 @@ pub fn describe(session: &Session, value: &Value) -> String {
                 text += &format!("  with {}\n", crate::cli::count(captured.len(), "captured value"));
             }
             Obj::Tree(tree) => text += &format!("tree: {}\n", vm::show::safe(&tree.summary())),
-            Obj::Path(path) => text += &format!("path, {}\n  {}\n", crate::cli::count(path.steps.len(), "step"), vm::show::safe(&path.show())),
+            Obj::Path(path) => {
+                text += &format!(
+                    "path, {}\n  {}\n",
+                    crate::cli::count(path.steps.len(), "step"),
+                    vm::show::safe(&path.show())
+                )
+            }
             _ => text += &headline(None),
         },
     }

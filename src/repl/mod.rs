@@ -109,7 +109,10 @@ pub fn run(it: &Repl) -> Answer {
     let mut prompt = Prompt::new(options, it.file.clone());
     interrupt::listen();
     if input.is_terminal() {
-        term::say(&format!("pleach {}; :help shows what can be typed, Ctrl-D leaves\n", env!("CARGO_PKG_VERSION")));
+        term::say(&format!(
+            "pleach {}; :help shows what can be typed, Ctrl-D leaves\n",
+            env!("CARGO_PKG_VERSION")
+        ));
     }
     prompt.load_first_file()?;
     loop {
@@ -131,8 +134,15 @@ pub fn run(it: &Repl) -> Answer {
 impl Prompt {
     fn new(options: Options, file: Option<PathBuf>) -> Prompt {
         let session = Session::new(options.clone());
-        let mut prompt =
-            Prompt { session, options, file, cells: Vec::new(), last: Vec::new(), screen: Screen::default(), inputs: 0 };
+        let mut prompt = Prompt {
+            session,
+            options,
+            file,
+            cells: Vec::new(),
+            last: Vec::new(),
+            screen: Screen::default(),
+            inputs: 0,
+        };
         prompt.session.front.keep_forms = true;
         prompt
     }
@@ -144,7 +154,8 @@ impl Prompt {
             self.execute(loaded);
         }
         let Session { front, machine, module, .. } = &mut self.session;
-        self.cells = CELLS.iter().map(|(name, doc)| front.cell(&mut machine.program, *module, name, doc)).collect();
+        self.cells =
+            CELLS.iter().map(|(name, doc)| front.cell(&mut machine.program, *module, name, doc)).collect();
         self.cells.clone().into_iter().for_each(|cell| self.set(cell, Value::NIL));
         self.last.clear();
         Ok(0)
@@ -221,7 +232,8 @@ impl Prompt {
     /// What a file has defined in the module of the prompt, in the order of its text.
     fn defined_in(&self, file: grammar::FileId) -> Vec<(Symbol, &Definition)> {
         let names = &self.session.front.modules.get(self.session.module).names;
-        let mut defined: Vec<_> = names.iter().filter(|(_, it)| it.span.file == file).map(|(name, it)| (*name, it)).collect();
+        let mut defined: Vec<_> =
+            names.iter().filter(|(_, it)| it.span.file == file).map(|(name, it)| (*name, it)).collect();
         defined.sort_by_key(|(_, it)| it.span.start);
         defined
     }

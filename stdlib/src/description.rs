@@ -36,13 +36,18 @@ fn get(args: &[Value]) -> Result<Value, Raise> {
 /// `((key value) …)`, as descriptions are written.
 fn properties(args: &[Value]) -> Result<Value, Raise> {
     let properties = desc(&args[0])?.properties();
-    Ok(Value::list(properties.map(|(key, value)| Value::list([symbol(key), value.clone()])).collect::<Vec<_>>()))
+    Ok(Value::list(
+        properties.map(|(key, value)| Value::list([symbol(key), value.clone()])).collect::<Vec<_>>(),
+    ))
 }
 
 fn make(args: &[Value]) -> Result<Value, Raise> {
     let kind = field(&args[0])?;
     if !KINDS.contains(&kind.as_str()) {
-        return Err(range_error(format!("`{kind}` is no kind of description: there are {}", KINDS.join(", ")), &args[0]));
+        return Err(range_error(
+            format!("`{kind}` is no kind of description: there are {}", KINDS.join(", ")),
+            &args[0],
+        ));
     }
     let given = args.get(1).map_or(Ok(Vec::new()), pairs)?;
     Ok(Value::desc(Desc::new(kind, given)))

@@ -34,14 +34,18 @@ fn message(args: &[Value]) -> Result<Value, Raise> {
 
 fn fields(args: &[Value]) -> Result<Value, Raise> {
     let fields = failure(&args[0])?.fields.iter();
-    Ok(Value::map(fields.map(|(name, value)| (Value::Imm(Imm::Keyword(*name)), value.clone())).collect::<Map>()))
+    Ok(Value::map(
+        fields.map(|(name, value)| (Value::Imm(Imm::Keyword(*name)), value.clone())).collect::<Map>(),
+    ))
 }
 
 /// True for a failure of the type or below it; false for anything that is no failure.
 fn is_a(ctx: &mut Ctx<'_>, args: &[Value]) -> Result<Next, Raise> {
     let name = args[1].as_symbol().ok_or_else(|| type_error("the name of a failure type", &args[1]))?;
     let types = &ctx.program.failures;
-    let of = types.find(name).ok_or_else(|| range_error(format!("no failure type is called `{name}`"), &args[1]))?;
+    let of = types
+        .find(name)
+        .ok_or_else(|| range_error(format!("no failure type is called `{name}`"), &args[1]))?;
     let is_one = args[0].as_failure().is_some_and(|failure| types.is_a(failure.kind, of));
     Ok(Value::bool(is_one).into())
 }

@@ -69,7 +69,10 @@ fn unknown(after: &str, text: &str) -> Raise {
     let shown: String = after.chars().take(8).collect();
     let known = "~a ~s ~d ~f ~% ~~, with a width and decimals as in ~8,2f";
     let message = format!("no directive begins like `~{shown}`: there are {known}");
-    Box::new(Failure::with(Builtin::ParseError, vec![("message", Value::str(message)), ("text", Value::str(text))]))
+    Box::new(Failure::with(
+        Builtin::ParseError,
+        vec![("message", Value::str(message)), ("text", Value::str(text))],
+    ))
 }
 
 impl Directive {
@@ -138,7 +141,11 @@ mod tests {
             ("~", '~', None, None),
         ] {
             let (directive, _) = Directive::parse(text).expect(text);
-            assert_eq!((directive.letter, directive.width, directive.decimals), (letter, width, decimals), "{text}");
+            assert_eq!(
+                (directive.letter, directive.width, directive.decimals),
+                (letter, width, decimals),
+                "{text}"
+            );
         }
         for text in ["", "q", "2,2a", "9999999999f", ",,f", "ä"] {
             assert!(Directive::parse(text).is_none(), "{text}");

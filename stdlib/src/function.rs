@@ -25,7 +25,8 @@ fn apply(_ctx: &mut Ctx<'_>, args: &[Value]) -> Result<Next, Raise> {
 }
 
 fn is_function(args: &[Value]) -> Result<Value, Raise> {
-    let is_one = matches!(args[0], Value::Imm(Imm::Function(_) | Imm::Native(_))) || code_of(&args[0]).is_some();
+    let is_one =
+        matches!(args[0], Value::Imm(Imm::Function(_) | Imm::Native(_))) || code_of(&args[0]).is_some();
     Ok(Value::bool(is_one))
 }
 
@@ -34,7 +35,11 @@ fn code_of(value: &Value) -> Option<FnId> {
     match value {
         Value::Imm(Imm::Function(id)) => Some(*id),
         Value::Obj(obj) => {
-            if let Obj::Closure(id, _) = &**obj { Some(*id) } else { None }
+            if let Obj::Closure(id, _) = &**obj {
+                Some(*id)
+            } else {
+                None
+            }
         }
         Value::Imm(_) => None,
     }

@@ -92,7 +92,10 @@ fn make_pose(args: &[Value]) -> Result<Value, Raise> {
     let rotation = match turn {
         [] => UnitQuaternion::identity(),
         [first, ..] if first.as_keyword().is_some() => rotation_of_angles(turn)?,
-        [x, y, z, w] => rotation_of_quaternion([coordinate(x)?, coordinate(y)?, coordinate(z)?, coordinate(w)?], &turn[3])?,
+        [x, y, z, w] => rotation_of_quaternion(
+            [coordinate(x)?, coordinate(y)?, coordinate(z)?, coordinate(w)?],
+            &turn[3],
+        )?,
         _ => return Err(wrong_call()),
     };
     pose_value(frame, Isometry3::from_parts(place, rotation))
@@ -145,7 +148,9 @@ fn distance(args: &[Value]) -> Result<Value, Raise> {
             let message = format!("the poses are in different frames, `{}` and `{}`", a.frame, b.frame);
             return Err(range_error(message, &args[1]));
         }
-        (Some(Obj::Pose(a)), Some(Obj::Pose(b))) => a.isometry.translation.vector - b.isometry.translation.vector,
+        (Some(Obj::Pose(a)), Some(Obj::Pose(b))) => {
+            a.isometry.translation.vector - b.isometry.translation.vector
+        }
         (Some(Obj::Vec3(_)), _) => return Err(type_error("a vec3", &args[1])),
         (Some(Obj::Pose(_)), _) => return Err(type_error("a pose", &args[1])),
         _ => return Err(type_error("a vec3 or pose", &args[0])),

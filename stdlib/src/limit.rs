@@ -12,12 +12,20 @@ const TEXT: usize = 64 << 20;
 
 /// `n` elements, if that many can be made in one call.
 pub(crate) fn elements(n: usize) -> Result<usize, Raise> {
-    if n <= ELEMENTS { Ok(n) } else { Err(too_large(format!("{n} elements are more than one call makes, which is {ELEMENTS}"))) }
+    if n <= ELEMENTS {
+        Ok(n)
+    } else {
+        Err(too_large(format!("{n} elements are more than one call makes, which is {ELEMENTS}")))
+    }
 }
 
 /// `n` bytes of text, if that many can be made in one call.
 pub(crate) fn text(n: usize) -> Result<usize, Raise> {
-    if n <= TEXT { Ok(n) } else { Err(too_large(format!("{n} bytes of text are more than one call makes, which is {TEXT}"))) }
+    if n <= TEXT {
+        Ok(n)
+    } else {
+        Err(too_large(format!("{n} bytes of text are more than one call makes, which is {TEXT}")))
+    }
 }
 
 /// A string that grows up to the limit.

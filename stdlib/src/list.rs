@@ -80,11 +80,14 @@ fn integer_range(start: i64, end: i64, step: i64) -> Result<Value, Raise> {
     if step == 0 {
         return Err(no_step());
     }
-    let way = if step > 0 { i128::from(end) - i128::from(start) } else { i128::from(start) - i128::from(end) };
+    let way =
+        if step > 0 { i128::from(end) - i128::from(start) } else { i128::from(start) - i128::from(end) };
     let stride = i128::from(step.unsigned_abs());
     let n = usize::try_from((way + stride - 1).max(0) / stride).unwrap_or(usize::MAX);
     // All elements lie before `end`; a product on the way may wrap and the sum wraps it back.
-    Ok(Value::list((0..limit::elements(n)?).map(|i| Value::int(start.wrapping_add((i as i64).wrapping_mul(step))))))
+    Ok(Value::list(
+        (0..limit::elements(n)?).map(|i| Value::int(start.wrapping_add((i as i64).wrapping_mul(step)))),
+    ))
 }
 
 /// Elements are products, not sums, so that errors do not add up.
@@ -234,7 +237,10 @@ mod tests {
     #[test]
     fn ranges_reach_the_ends_of_the_integers() {
         assert_eq!(range_of(&[i64::MAX - 2, i64::MAX]), Ok(format!("({} {})", i64::MAX - 2, i64::MAX - 1)));
-        assert_eq!(range_of(&[i64::MIN, i64::MAX, i64::MAX]), Ok(format!("({} -1 {})", i64::MIN, i64::MAX - 1)));
+        assert_eq!(
+            range_of(&[i64::MIN, i64::MAX, i64::MAX]),
+            Ok(format!("({} -1 {})", i64::MIN, i64::MAX - 1))
+        );
         assert_eq!(range_of(&[3, 0, -2]), Ok("(3 1)".into()));
         assert_eq!(range_of(&[0, -1, i64::MIN]), Ok("(0)".into()));
         assert_eq!(range_of(&[0, 5, 0]), Err("range-error".into()));

@@ -32,7 +32,10 @@ fn entries(map: &Map) -> Vec<Value> {
 fn put_all(mut map: Map, pairs: &[Value]) -> Result<Value, Raise> {
     for pair in pairs.chunks(2) {
         let [name, value] = pair else {
-            return Err(Box::new(Failure::new(Builtin::ArityError, "a key has no value: they are given in pairs")));
+            return Err(Box::new(Failure::new(
+                Builtin::ArityError,
+                "a key has no value: they are given in pairs",
+            )));
         };
         map.insert(key(name)?, value.clone());
     }
@@ -53,8 +56,8 @@ fn list_to_map(args: &[Value]) -> Result<Value, Raise> {
     let mut map = Map::new();
     for entry in list(&args[0])? {
         let pair = entry.to_vec().filter(|pair| pair.len() == 2);
-        let [name, value]: [Value; 2] =
-            (pair.and_then(|pair| pair.try_into().ok())).ok_or_else(|| type_error("a list of key and value", &entry))?;
+        let [name, value]: [Value; 2] = (pair.and_then(|pair| pair.try_into().ok()))
+            .ok_or_else(|| type_error("a list of key and value", &entry))?;
         map.insert(key(&name)?, value);
     }
     Ok(Value::map(map))

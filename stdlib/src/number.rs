@@ -167,7 +167,11 @@ impl Rounding {
     /// `x` or `x / y`, rounded.
     fn divide(self, args: &[Value]) -> Result<Value, Raise> {
         let [x, y] = args else {
-            return if args[0].as_int().is_some() { Ok(args[0].clone()) } else { self.integer(number(&args[0])?) };
+            return if args[0].as_int().is_some() {
+                Ok(args[0].clone())
+            } else {
+                self.integer(number(&args[0])?)
+            };
         };
         let (Some(x), Some(y)) = (x.as_int(), y.as_int()) else {
             return self.integer(number(&arith::div(x, y)?)?);
@@ -176,7 +180,9 @@ impl Rounding {
             return Err(divided_by_zero());
         }
         let quotient = self.quotient(x.into(), y.into());
-        i64::try_from(quotient).map(Value::int).map_err(|_| out_of_range(format!("the quotient of {x} and {y}")))
+        i64::try_from(quotient)
+            .map(Value::int)
+            .map_err(|_| out_of_range(format!("the quotient of {x} and {y}")))
     }
 
     /// In 128 bits nothing overflows.
@@ -484,11 +490,19 @@ mod tests {
 
     #[test]
     fn text_is_a_number_or_not() {
-        for (text, number) in [("42", Value::int(42)), ("-7", Value::int(-7)), ("1.5", Value::float(1.5)), ("2e3", Value::float(2e3))] {
+        for (text, number) in [
+            ("42", Value::int(42)),
+            ("-7", Value::int(-7)),
+            ("1.5", Value::float(1.5)),
+            ("2e3", Value::float(2e3)),
+        ] {
             assert_eq!(read_number(text), Some(number), "{text}");
         }
         let too_large = ["99999999999999999999", "1e999"];
-        for text in ["", "-", "x", "1x", ".5", "5.", "1e", "infinity", "nan", " 1", "--1", "1.2.3", "1.e5"].into_iter().chain(too_large) {
+        for text in ["", "-", "x", "1x", ".5", "5.", "1e", "infinity", "nan", " 1", "--1", "1.2.3", "1.e5"]
+            .into_iter()
+            .chain(too_large)
+        {
             assert_eq!(read_number(text), None, "{text}");
         }
     }

@@ -73,7 +73,11 @@ fn length(value: &Value) -> Result<usize, Raise> {
         _ => {
             let mut iter = value.iter();
             let length = iter.by_ref().count();
-            if iter.rest.is_nil() { Ok(length) } else { Err(type_error("a list, vector, string or map", value)) }
+            if iter.rest.is_nil() {
+                Ok(length)
+            } else {
+                Err(type_error("a list, vector, string or map", value))
+            }
         }
     }
 }

@@ -110,7 +110,11 @@ pub(crate) fn length(text: &str) -> usize {
 
 /// The byte where character `at` begins; the end of the text if there is no such character.
 fn byte_of(text: &str, at: usize) -> usize {
-    if text.is_ascii() { at.min(text.len()) } else { text.char_indices().nth(at).map_or(text.len(), |(byte, _)| byte) }
+    if text.is_ascii() {
+        at.min(text.len())
+    } else {
+        text.char_indices().nth(at).map_or(text.len(), |(byte, _)| byte)
+    }
 }
 
 /// The characters from `start` up to `end`, as far as they exist.

@@ -25,7 +25,11 @@ const NAME_LIMIT: usize = 1000;
 
 fn name(value: &Value) -> Result<&str, Raise> {
     let name = str(value)?;
-    if name.len() <= NAME_LIMIT { Ok(name) } else { Err(too_large(format!("a name has at most {NAME_LIMIT} bytes"))) }
+    if name.len() <= NAME_LIMIT {
+        Ok(name)
+    } else {
+        Err(too_large(format!("a name has at most {NAME_LIMIT} bytes")))
+    }
 }
 
 /// What the reader makes of a name: the three that are no symbols are the values themselves.

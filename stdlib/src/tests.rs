@@ -31,7 +31,8 @@ impl<'a> Definition<'a> {
         let params = self.rest.trim_start().trim_start_matches('(');
         let (params, _) = params.split_once(')').expect("parameters end");
         let mut words = params.split_whitespace();
-        let required = words.by_ref().take_while(|word| *word != "&optional" && *word != "&rest").count() as u8;
+        let required =
+            words.by_ref().take_while(|word| *word != "&optional" && *word != "&rest").count() as u8;
         let optional = words.take_while(|word| *word != "&rest").count() as u8;
         (required, (!params.contains("&rest")).then_some(required + optional))
     }
@@ -53,7 +54,10 @@ fn plans_declare_the_natives_that_exist() {
 #[test]
 fn every_public_name_has_an_example() {
     for (module, text) in MODULES {
-        assert!(text.starts_with(&format!("(module {module}\n  \"")), "{module}.plan begins with its name and what it is");
+        assert!(
+            text.starts_with(&format!("(module {module}\n  \"")),
+            "{module}.plan begins with its name and what it is"
+        );
         for definition in definitions(text).iter().filter(|definition| !definition.name.starts_with('%')) {
             let example = definition.rest.contains("\n   ex: ") || definition.rest.contains("\n   ex! ");
             assert!(example, "{} in {module}.plan", definition.name);

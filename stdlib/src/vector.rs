@@ -41,7 +41,10 @@ fn set_at(args: &[Value]) -> Result<Value, Raise> {
     let items = vector(&args[0])?;
     let at = index(&args[1])?;
     if at >= items.len() {
-        return Err(range_error(format!("there is no element {at} in a vector of {}", items.len()), &args[1]));
+        return Err(range_error(
+            format!("there is no element {at} in a vector of {}", items.len()),
+            &args[1],
+        ));
     }
     Ok(whole(items.update(at, args[2].clone())))
 }

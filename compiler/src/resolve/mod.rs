@@ -292,18 +292,16 @@ impl Compiler<'_> {
             return Expr::nil(form.span);
         };
         match meaning {
-            Meaning::Macro(function, params) => {
-                match self.expand(name, function, &params, form) {
-                    Some(expansion) => {
-                        let home = self.home(function).unwrap_or(scope.module);
-                        self.within.push(home);
-                        let expr = self.expr(scope, &expansion);
-                        self.within.pop();
-                        expr
-                    }
-                    None => Expr::nil(form.span),
+            Meaning::Macro(function, params) => match self.expand(name, function, &params, form) {
+                Some(expansion) => {
+                    let home = self.home(function).unwrap_or(scope.module);
+                    self.within.push(home);
+                    let expr = self.expr(scope, &expansion);
+                    self.within.pop();
+                    expr
                 }
-            }
+                None => Expr::nil(form.span),
+            },
             Meaning::Function(f, params) | Meaning::Open(f, params) => {
                 self.mention(f);
                 self.call(scope, Callee::Function(f), name, &params, form.span, args)

@@ -176,7 +176,10 @@ pub(super) fn role_of(items: &[&Form], role: Role, style: Style, index: usize) -
         ("partial-order", 1) => Role::Steps,
         ("cond", 1..) | ("case", 2..) => Role::Clause,
         ("lambda" | "for-each-answer", 1) => Role::Data,
-        ("def-fun" | "def-plan" | "def-macro" | "def-policy" | "def-native" | "def-open-fun" | "extend", 2) => Role::Data,
+        (
+            "def-fun" | "def-plan" | "def-macro" | "def-policy" | "def-native" | "def-open-fun" | "extend",
+            2,
+        ) => Role::Data,
         ("def-failure", 2..) => Role::Data,
         _ => Role::Code,
     }
