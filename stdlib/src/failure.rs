@@ -53,6 +53,6 @@ fn is_a(ctx: &mut Ctx<'_>, args: &[Value]) -> Result<Next, Raise> {
 /// The path is found in the tree of the run, unless the failure brought it from another one.
 fn path(ctx: &mut Ctx<'_>, args: &[Value]) -> Result<Next, Raise> {
     let failure = failure(&args[0])?;
-    vm::failure::name_tasks(ctx.tree(), &args[0]);
+    failure.name_task(ctx.tree());
     Ok(failure.path().map(Value::str).unwrap_or_default().into())
 }

@@ -37,8 +37,10 @@ fn compare(args: &[Value]) -> Result<Value, Raise> {
 }
 
 fn get(ctx: &mut Ctx<'_>, args: &[Value]) -> Result<Next, Raise> {
-    if args[0].as_failure().is_some() {
-        vm::failure::name_tasks(ctx.tree(), &args[0]);
+    if let Some(failure) = args[0].as_failure()
+        && field(&args[1]).is_ok_and(|name| name == "path")
+    {
+        failure.name_task(ctx.tree());
     }
     let found = part(&args[0], &args[1])?;
     Ok(found.or_else(|| args.get(2).cloned()).unwrap_or_default().into())

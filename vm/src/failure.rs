@@ -59,9 +59,7 @@ pub fn name_tasks(tree: &Tree, failure: &Value) {
     let mut todo = vec![failure];
     while let Some(value) = todo.pop() {
         let Some(failure) = value.as_failure() else { continue };
-        if let Some(task) = &failure.task {
-            task.path.get_or_init(|| Path::of(tree, task.slot).show().into());
-        }
+        failure.name_task(tree);
         todo.extend(failure.cause.iter().chain(&failure.also));
     }
 }
@@ -118,6 +116,12 @@ impl Failure {
     #[must_use]
     pub fn get(&self, field: Symbol) -> Option<&Value> {
         self.fields.iter().find(|(name, _)| *name == field).map(|(_, value)| value)
+    }
+    /// Gives its task the path; `tree` is that of the run that is going on.
+    pub fn name_task(&self, tree: &Tree) {
+        if let Some(task) = &self.task {
+            task.path.get_or_init(|| Path::of(tree, task.slot).show().into());
+        }
     }
     /// The path of the task that raised it, if it has been named.
     #[must_use]
