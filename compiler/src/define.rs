@@ -53,8 +53,9 @@ struct Text {
 impl Compiler<'_> {
     /// Loads a file as a module, unless it has been loaded.
     pub(crate) fn file(&mut self, loader: &mut dyn Loader, source: &Source) -> Vec<FnId> {
-        let name = source.key.clone();
-        let module = self.modules.add(&name);
+        // Without a head of its own a module has the name of its file.
+        let stem = source.key.rsplit(['/', '\\']).next().unwrap_or(&source.key);
+        let module = self.modules.add(stem.strip_suffix(".plan").unwrap_or(stem));
         self.loaded.insert(source.key.clone(), module);
         self.loading.push(source.key.clone());
         let init = self.text(loader, module, source.file, &source.text, false);
@@ -328,6 +329,9 @@ impl Compiler<'_> {
             work.changed.push(id);
         }
         (proto.kind, proto.params) = (kind, params.params.clone());
+        if kind == FnKind::Plan {
+            self.plan_params.insert(id, params.clone());
+        }
         let within = self.within.clone();
         self.pending.insert(id, Pending { module, name, kind, params, body, span, within });
         work.functions.push(id);
@@ -582,7 +586,9 @@ impl Compiler<'_> {
         };
         move_to(&mut code, span);
         let scope = Scope::new(module, FnKind::Inserted).with_original(original);
-        let params = ParamForms::of_names(&names, span);
+        // The parameters of the plan, with their defaults: the call may not have given all.
+        let known = self.plan_params.get(&plan).cloned();
+        let params = known.unwrap_or_else(|| ParamForms::of_names(&names, span));
         let function = self.function(scope, name, &params, std::slice::from_ref(&code), span);
         self.lower(id, &function);
         id

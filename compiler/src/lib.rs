@@ -101,6 +101,8 @@ pub struct Front {
     pub keep_forms: bool,
     sources: BTreeMap<FnId, Rc<Pending>>,
     references: BTreeMap<FnId, Vec<FnId>>,
+    /// The parameters of plans as written, for the code of edits.
+    plan_params: BTreeMap<FnId, ParamForms>,
     opens: BTreeMap<FnId, Vec<FnId>>,
     /// The constants that macros may need, in the order of their definitions.
     constants: Vec<FnId>,
@@ -141,6 +143,7 @@ impl Default for Front {
             keep_forms: false,
             sources: BTreeMap::new(),
             references: BTreeMap::new(),
+            plan_params: BTreeMap::new(),
             opens: BTreeMap::new(),
             constants: Vec::new(),
             expander: Expander { machine, constants: 0 },

@@ -571,7 +571,11 @@ fn propagate(it: &mut Compiler<'_>, scope: &mut Scope, form: &Form, args: &[Form
 
 fn fail(it: &mut Compiler<'_>, scope: &mut Scope, form: &Form, args: &[Form]) -> Expr {
     let Some((kind, fields)) = args.split_first() else { return it.misshapen(form, "has no type") };
-    let is_value = kind.symbol().is_none_or(|name| scope.variable(name, kind.span).is_some());
+    let is_value = kind.symbol().is_none_or(|name| {
+        let found = it.look_up(scope.module, name);
+        let is_constant = matches!(&found, Found::One(found) if matches!(found.meaning, Meaning::Const(_)));
+        scope.variable(name, kind.span).is_some() || is_constant
+    });
     if is_value && fields.is_empty() {
         let failure = it.expr(scope, kind);
         return Expr::new(ExprKind::Raise(boxed(failure)), form.span);
