@@ -9,7 +9,7 @@ use crate::data::{Places, move_to, to_form};
 use crate::error::CompileError;
 use crate::module::{Definition, Meaning, ModuleId, Use};
 use crate::resolve::{ParamForms, Scope, special};
-use crate::{Compiler, Loader, Pending, Report, Source};
+use crate::{Compiler, Constant, Loader, Pending, Report, Source};
 
 /// What compiling a text gave.
 #[derive(Debug, Default)]
@@ -35,7 +35,7 @@ const DEFINITIONS: &[&str] = &[
 
 /// A top-level form that does something when the file is loaded.
 enum Init {
-    Const { id: FnId, global: GlobalId, value: Form, name: Symbol, within: Vec<ModuleId> },
+    Const(FnId),
     Form(Form, Vec<ModuleId>),
 }
 
@@ -353,13 +353,9 @@ impl Compiler<'_> {
                 self.program.globals.push(name);
             }
             let id = self.declare(name, FnKind::TopLevel, work.module);
-            work.init.push(Init::Const {
-                id,
-                global,
-                value: value.clone(),
-                name,
-                within: self.within.clone(),
-            });
+            let (module, value, within) = (work.module, value.clone(), self.within.clone());
+            self.waiting.push(Constant { id, global, value, name, module, within });
+            work.init.push(Init::Const(id));
         }
     }
 
@@ -526,22 +522,37 @@ impl Compiler<'_> {
         for init in std::mem::take(&mut work.init) {
             match init {
                 Init::Form(form, within) => forms.push((form, within)),
-                Init::Const { id, global, value, name, within } => {
+                Init::Const(id) => {
                     functions.extend(self.init_forms(work.module, &mut forms, file));
-                    let mut scope = Scope::new(work.module, FnKind::TopLevel);
-                    self.within = within;
-                    let value = self.expr(&mut scope, &value);
-                    self.within.clear();
-                    let span = value.span;
-                    let define = Expr::new(ExprKind::Define(global, Box::new(value)), span);
-                    self.init_function(scope, id, name, vec![define], span);
-                    self.constants.push(id);
+                    self.compile_constants(None);
                     functions.push(id);
                 }
             }
         }
         functions.extend(self.init_forms(work.module, &mut forms, file));
         functions
+    }
+
+    /// Compiles the constants that stand above a place, or all.
+    pub(crate) fn compile_constants(&mut self, above: Option<Span>) {
+        let stands_above = |constant: &Constant| {
+            let span = constant.value.span;
+            above.is_none_or(|at| span.file != at.file || span.start < at.start)
+        };
+        while let Some(at) = self.waiting.iter().position(stands_above) {
+            let Constant { id, global, value, name, module, within } = self.waiting.remove(at);
+            let within = std::mem::replace(&mut self.within, within);
+            let mentioned = std::mem::take(&mut self.mentioned);
+            let mut scope = Scope::new(module, FnKind::TopLevel);
+            let value = self.expr(&mut scope, &value);
+            let span = value.span;
+            let define = Expr::new(ExprKind::Define(global, Box::new(value)), span);
+            self.init_function(scope, id, name, vec![define], span);
+            self.within = within;
+            let references = std::mem::replace(&mut self.mentioned, mentioned);
+            self.references.insert(id, references);
+            self.constants.push(id);
+        }
     }
 
     fn init_forms(

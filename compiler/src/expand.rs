@@ -41,6 +41,7 @@ impl Compiler<'_> {
             self.error(CompileError::NotYet { name, needs, at });
             return None;
         }
+        self.compile_constants(Some(at));
         let given = args.len();
         let result = self.run_macro(function, args);
         let value = match result {
@@ -93,9 +94,12 @@ impl Compiler<'_> {
     }
 
     fn run_macro(&mut self, function: FnId, args: Vec<Value>) -> Result<Value, Value> {
+        let constants: Vec<FnId> = self.constants[self.expander.constants..].to_vec();
+        self.expander.constants = self.constants.len();
+        for constant in &constants {
+            self.prepare(*constant);
+        }
         let Compiler { front, program, .. } = self;
-        let constants: Vec<FnId> = front.constants[front.expander.constants..].to_vec();
-        front.expander.constants = front.constants.len();
         let machine = &mut front.expander.machine;
         std::mem::swap(&mut machine.program, program);
         for constant in constants {

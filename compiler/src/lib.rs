@@ -104,7 +104,9 @@ pub struct Front {
     /// The parameters of plans as written, for the code of edits.
     plan_params: BTreeMap<FnId, ParamForms>,
     opens: BTreeMap<FnId, Vec<FnId>>,
-    /// The constants that macros may need, in the order of their definitions.
+    /// Constants that are declared but not compiled.
+    waiting: Vec<Constant>,
+    /// The compiled constants, which macros may need, in the order of their definitions.
     constants: Vec<FnId>,
     expander: Expander,
     loaded: BTreeMap<String, ModuleId>,
@@ -116,6 +118,17 @@ pub struct Front {
 struct Expander {
     machine: Machine,
     constants: usize,
+}
+
+/// A constant that is declared but not compiled.
+pub(crate) struct Constant {
+    /// The function that computes it.
+    id: FnId,
+    global: GlobalId,
+    value: Form,
+    name: Symbol,
+    module: ModuleId,
+    within: Vec<ModuleId>,
 }
 
 /// A function that is declared but not compiled.
@@ -145,6 +158,7 @@ impl Default for Front {
             references: BTreeMap::new(),
             plan_params: BTreeMap::new(),
             opens: BTreeMap::new(),
+            waiting: Vec::new(),
             constants: Vec::new(),
             expander: Expander { machine, constants: 0 },
             loaded: BTreeMap::new(),
