@@ -98,10 +98,8 @@ pub struct Session {
 /// The root's part of a run: prints, reads files, compiles the code of edits.
 struct Door<'a> {
     front: &'a mut Front,
-    files: &'a mut Files,
     grants: &'a Grants,
     output: &'a mut dyn Output,
-    style: Style,
     sealed: bool,
     log_ended: &'a mut bool,
 }
@@ -147,8 +145,12 @@ impl Host for Door<'_> {
     fn compile(&mut self, program: &mut Program, code: CodeRequest<'_>) -> Result<FnId, String> {
         let compiled = self.front.compile_edit(program, &code);
         compiled.map_err(|reports| {
-            let texts = reports.iter().map(|report| render::report(self.files, report, self.style));
-            texts.collect::<Vec<_>>().join("\n")
+            // The code is data: there is no text to show.
+            let texts = reports.iter().map(|report| {
+                let help = report.diagnostic().help().map_or(String::new(), |help| format!(" ({help})"));
+                format!("{}{help}", report.diagnostic())
+            });
+            texts.collect::<Vec<_>>().join("; ")
         })
     }
 }
@@ -291,10 +293,9 @@ impl Session {
 
     /// Goes on with what the machine does, until it ends or until `stop` units of fuel are used.
     pub fn go(&mut self, output: &mut dyn Output, stop: Option<u64>) -> Progress {
-        let Session { files, front, machine, style, sealed, log_ended, .. } = self;
+        let Session { front, machine, sealed, log_ended, .. } = self;
         let grants = machine.grants.clone();
-        let mut door =
-            Door { front, files, grants: &grants, output, style: *style, sealed: *sealed, log_ended };
+        let mut door = Door { front, grants: &grants, output, sealed: *sealed, log_ended };
         machine.go(&mut door, stop)
     }
 

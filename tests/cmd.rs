@@ -42,7 +42,8 @@ fn make_folder(path: &Path, case: &Case<'_>) -> PathBuf {
     let _ = std::fs::remove_dir_all(&folder);
     for (name, text) in &case.files {
         let path = folder.join(name);
-        std::fs::create_dir_all(path.parent().expect("it is below the folder")).expect("a folder can be made");
+        std::fs::create_dir_all(path.parent().expect("it is below the folder"))
+            .expect("a folder can be made");
         std::fs::write(path, text).expect("a file can be written");
     }
     std::fs::create_dir_all(&folder).expect("a folder can be made");

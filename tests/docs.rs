@@ -165,8 +165,10 @@ fn blocks(text: &str) -> Vec<Block> {
 /// Files of the repository that people read.
 fn documents() -> Vec<PathBuf> {
     let folders = ["grammar", "compiler", "vm", "stdlib", "src", "examples", "tests"];
-    let mut files: Vec<PathBuf> = folders.iter().flat_map(|folder| files_below(Path::new(folder), ".md")).collect();
-    let top = std::fs::read_dir(".").expect("the root can be listed").map(|entry| entry.expect("it can").path());
+    let mut files: Vec<PathBuf> =
+        folders.iter().flat_map(|folder| files_below(Path::new(folder), ".md")).collect();
+    let top =
+        std::fs::read_dir(".").expect("the root can be listed").map(|entry| entry.expect("it can").path());
     files.extend(top.filter(|path| path.extension().is_some_and(|end| end == "md")));
     files.sort();
     files

@@ -16,14 +16,20 @@ pub fn check_file(path: &Path, actual: &str) -> Result<(), String> {
         std::fs::write(path, actual).unwrap_or_else(|why| panic!("{}: {why}", path.display()));
         return Ok(());
     }
-    Err(format!("{}:\n{}\nUPDATE_EXPECT=1 takes what came out as expected.", path.display(), difference(&known, actual)))
+    Err(format!(
+        "{}:\n{}\nUPDATE_EXPECT=1 takes what came out as expected.",
+        path.display(),
+        difference(&known, actual)
+    ))
 }
 
 /// Two texts, from the first line on in which they differ.
 pub fn difference(expected: &str, actual: &str) -> String {
     const LINES: usize = 30;
     let same = expected.lines().zip(actual.lines()).take_while(|(a, b)| a == b).count();
-    let tail = |text: &str| text.lines().skip(same).take(LINES).map(|line| format!("    {line}\n")).collect::<String>();
+    let tail = |text: &str| {
+        text.lines().skip(same).take(LINES).map(|line| format!("    {line}\n")).collect::<String>()
+    };
     format!("  from line {}\n  expected:\n{}  actual:\n{}", same + 1, tail(expected), tail(actual))
 }
 

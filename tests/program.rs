@@ -65,7 +65,8 @@ impl Program {
     /// Reads a program and its options.
     pub fn read(path: &Path) -> Program {
         let text = std::fs::read_to_string(path).unwrap_or_else(|why| panic!("{}: {why}", path.display()));
-        let mut program = Program { path: path.into(), options: Options::default(), treated: true, text: text.clone() };
+        let mut program =
+            Program { path: path.into(), options: Options::default(), treated: true, text: text.clone() };
         // An expectation does not depend on the limits of the machine that runs it.
         for line in text.lines() {
             let Some(option) = line.strip_prefix(";! ") else { break };
@@ -76,7 +77,8 @@ impl Program {
     }
 
     fn option(&mut self, key: &str, value: &str) {
-        let number = || value.replace('_', "").parse::<u64>().unwrap_or_else(|why| panic!("{key} {value}: {why}"));
+        let number =
+            || value.replace('_', "").parse::<u64>().unwrap_or_else(|why| panic!("{key} {value}: {why}"));
         let Options { limits, grants, seed, .. } = &mut self.options;
         match key {
             "fuel" => limits.fuel = number(),
@@ -136,7 +138,12 @@ impl Program {
 }
 
 /// What [`Session::run`] does, with stops.
-fn run_with_stops(session: &mut Session, loaded: compiler::Loaded, stops: &Stops, printed: &mut String) -> Ended {
+fn run_with_stops(
+    session: &mut Session,
+    loaded: compiler::Loaded,
+    stops: &Stops,
+    printed: &mut String,
+) -> Ended {
     if !loaded.reports.iter().all(compiler::Report::is_warning) {
         return Ended::Errors(loaded.reports);
     }
@@ -156,13 +163,21 @@ fn run_with_stops(session: &mut Session, loaded: compiler::Loaded, stops: &Stops
         return Ended::Ran(Ok(last));
     }
     let loaded = session.extend("the call of the plan", "(main)");
-    let Some(init) = loaded.init.last().filter(|_| loaded.reports.is_empty()) else { return Ended::Errors(loaded.reports) };
+    let Some(init) = loaded.init.last().filter(|_| loaded.reports.is_empty()) else {
+        return Ended::Errors(loaded.reports);
+    };
     let outcome = call_with_stops(session, *init, stops, start, printed);
     session.machine.finish(&outcome);
     Ended::Ran(outcome)
 }
 
-fn call_with_stops(session: &mut Session, function: FnId, stops: &Stops, start: u64, printed: &mut String) -> Outcome {
+fn call_with_stops(
+    session: &mut Session,
+    function: FnId,
+    stops: &Stops,
+    start: u64,
+    printed: &mut String,
+) -> Outcome {
     session.machine.start(function, Vec::new());
     loop {
         let next = stops.after(session.machine.steps() - start).map(|stop| start + stop);
@@ -200,7 +215,7 @@ pub fn text_of(session: &Session, value: &Value) -> String {
 }
 
 /// How many nodes of a tree stand in an expectation.
-const MOST_SHOWN: usize = 200;
+const MOST_SHOWN: usize = 40;
 /// Of how many records each is a line of its own.
 const MOST_LINES: usize = 20_000;
 
@@ -223,7 +238,8 @@ fn record_line(session: &Session, tree: &Tree, rec: RecId) -> String {
     add(format_args!(" in {} attempt {} {}", record.parent.0, record.attempt, record.kind.word()));
     add(format_args!(" {} {}", record.status.word(), record.why.word()));
     add(format_args!(" {}–{}", record.start, record.end));
-    let values = |values: &[Value]| values.iter().map(|value| text_of(session, value)).collect::<Vec<_>>().join(" ");
+    let values =
+        |values: &[Value]| values.iter().map(|value| text_of(session, value)).collect::<Vec<_>>().join(" ");
     add(format_args!(" ({})", values(&tree.args(rec))));
     match record.value.as_failure() {
         Some(_) => add(format_args!(" {}", vm::show::failure_json(program, &record.value, 0))),

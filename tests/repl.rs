@@ -26,7 +26,8 @@ fn inputs(transcript: &str) -> String {
         };
         open += typed;
         open.push('\n');
-        let forms = if open.starts_with(':') { open.split_once(' ').map_or("", |(_, rest)| rest) } else { &open };
+        let forms =
+            if open.starts_with(':') { open.split_once(' ').map_or("", |(_, rest)| rest) } else { &open };
         if !matches!(grammar::completeness(forms), Completeness::Incomplete { .. }) {
             all += &std::mem::take(&mut open);
         }

@@ -20,7 +20,9 @@ fn check_area(area: &str) {
         let ran = program.run(&Stops::Never, None);
         let checked = check_file(&path.with_extension("expected"), &sections(&ran));
         problems.extend(checked.err());
-        if program.treated {
+        if ran.failure.as_deref() == Some("errors") {
+            problems.push(format!("{} has errors:\n{}", path.display(), ran.diagnostics));
+        } else if program.treated {
             problems.extend(treatments::differences(&program, &ran));
         }
     }
@@ -33,7 +35,12 @@ fn programs(folder: &Path) -> Vec<PathBuf> {
 }
 
 fn sections(ran: &Ran) -> String {
-    let parts = [("stdout", &ran.printed), ("diagnostics", &ran.diagnostics), ("outcome", &ran.outcome), ("tree", &ran.tree)];
+    let parts = [
+        ("stdout", &ran.printed),
+        ("diagnostics", &ran.diagnostics),
+        ("outcome", &ran.outcome),
+        ("tree", &ran.tree),
+    ];
     let mut text = String::new();
     for (name, part) in parts.into_iter().filter(|(_, part)| !part.is_empty()) {
         text += &format!("--- {name}\n{part}");
@@ -74,9 +81,9 @@ areas! {
 
 #[test]
 fn each_folder_is_an_area() {
-    let folders = std::fs::read_dir("tests/run").expect("the programs are there").map(|entry| {
-        entry.expect("a folder can be listed").file_name().to_string_lossy().into_owned()
-    });
+    let folders = std::fs::read_dir("tests/run")
+        .expect("the programs are there")
+        .map(|entry| entry.expect("a folder can be listed").file_name().to_string_lossy().into_owned());
     let folders: BTreeSet<String> = folders.collect();
     let areas: BTreeSet<String> = AREAS.iter().map(|area| area.to_string()).collect();
     assert_eq!(folders, areas);
@@ -93,7 +100,8 @@ fn each_expectation_has_a_program() {
 fn each_program_says_what_must_hold() {
     for path in AREAS.iter().flat_map(|area| programs(&Path::new("tests/run").join(area))) {
         let text = std::fs::read_to_string(&path).expect("it was listed");
-        let comment = text.lines().find(|line| !line.starts_with(";!")).is_some_and(|line| line.starts_with("; "));
+        let comment =
+            text.lines().find(|line| !line.starts_with(";!")).is_some_and(|line| line.starts_with("; "));
         assert!(comment, "{} begins with a comment", path.display());
     }
 }
@@ -124,8 +132,11 @@ fn words(files: &[PathBuf]) -> (BTreeSet<String>, BTreeSet<String>) {
 #[test]
 fn each_special_form_runs_somewhere() {
     let (heads, _) = words(&files_below(Path::new("tests/run"), ".plan"));
-    let missing: Vec<&str> =
-        compiler::special_forms().iter().map(|(name, _)| *name).filter(|name| !heads.contains(*name)).collect();
+    let missing: Vec<&str> = compiler::special_forms()
+        .iter()
+        .map(|(name, _)| *name)
+        .filter(|name| !heads.contains(*name))
+        .collect();
     assert_eq!(missing, [""; 0]);
 }
 

@@ -35,7 +35,10 @@ pub fn differences(program: &Program, plain: &Ran) -> Vec<String> {
     if log.entries.len() == plain.log.entries.len() {
         check(&format!("resumed from step {stop}"), &program.run(&Stops::Never, Some(log)));
     }
-    check("formatted", &program.moved_to(formatted(&program.path)).run(&Stops::Never, Some(plain.log.clone())));
+    check(
+        "formatted",
+        &program.moved_to(formatted(&program.path)).run(&Stops::Never, Some(plain.log.clone())),
+    );
     problems
 }
 

@@ -9,7 +9,7 @@ use crate::data::{Places, move_to, to_form};
 use crate::error::CompileError;
 use crate::module::{Definition, Meaning, ModuleId, Use};
 use crate::resolve::{ParamForms, Scope, special};
-use crate::{Compiler, Constant, Loader, Pending, Report, Source};
+use crate::{Compiler, Loader, Pending, Report, Source};
 
 /// What compiling a text gave.
 #[derive(Debug, Default)]
@@ -53,9 +53,8 @@ struct Text {
 impl Compiler<'_> {
     /// Loads a file as a module, unless it has been loaded.
     pub(crate) fn file(&mut self, loader: &mut dyn Loader, source: &Source) -> Vec<FnId> {
-        // Without a head of its own a module has the name of its file.
-        let stem = source.key.rsplit(['/', '\\']).next().unwrap_or(&source.key);
-        let module = self.modules.add(stem.strip_suffix(".plan").unwrap_or(stem));
+        let name = source.key.clone();
+        let module = self.modules.add(short_name(&name));
         self.loaded.insert(source.key.clone(), module);
         self.loading.push(source.key.clone());
         let init = self.text(loader, module, source.file, &source.text, false);
@@ -73,7 +72,15 @@ impl Compiler<'_> {
         again: bool,
     ) -> Vec<FnId> {
         let parsed = grammar::parse(file, text);
+        // Where a string or comment has no end, the words after it mean nothing.
+        let is_garbled = parsed.errors.iter().any(|error| {
+            use grammar::ParseError as E;
+            matches!(error, E::UnclosedString { .. } | E::UnclosedSymbol { .. } | E::UnclosedComment { .. })
+        });
         self.reports.extend(parsed.errors.into_iter().map(Report::Parse));
+        if is_garbled {
+            return Vec::new();
+        }
         let mut init = Vec::new();
         let mut work = Text { module, again, init: Vec::new(), functions: Vec::new(), changed: Vec::new() };
         let mut forms = Vec::new();
@@ -201,8 +208,8 @@ impl Compiler<'_> {
             }
         };
         if let Some(start) = self.loading.iter().position(|key| *key == source.key) {
-            let mut chain: Vec<&str> = self.loading[start..].iter().map(String::as_str).collect();
-            chain.push(&source.key);
+            let mut chain: Vec<&str> = self.loading[start..].iter().map(|key| short_name(key)).collect();
+            chain.push(short_name(&source.key));
             let chain = chain.join(" uses ");
             self.error(CompileError::ModuleCycle { name: name.into(), chain, at });
             return None;
@@ -333,7 +340,7 @@ impl Compiler<'_> {
             self.plan_params.insert(id, params.clone());
         }
         let within = self.within.clone();
-        self.pending.insert(id, Pending { module, name, kind, params, body, span, within });
+        self.pending.insert(id, Pending { module, name, kind, params, body, span, within, defines: None });
         work.functions.push(id);
     }
 
@@ -353,8 +360,12 @@ impl Compiler<'_> {
                 self.program.globals.push(name);
             }
             let id = self.declare(name, FnKind::TopLevel, work.module);
-            let (module, value, within) = (work.module, value.clone(), self.within.clone());
-            self.waiting.push(Constant { id, global, value, name, module, within });
+            let (module, kind, params, span) =
+                (work.module, FnKind::TopLevel, ParamForms::default(), value.span);
+            let (body, within) = (vec![value.clone()], self.within.clone());
+            let pending = Pending { module, name, kind, params, body, span, within, defines: Some(global) };
+            self.pending.insert(id, pending);
+            self.constants.insert(global, id);
             work.init.push(Init::Const(id));
         }
     }
@@ -414,8 +425,10 @@ impl Compiler<'_> {
             let (module, kind, params, span) =
                 (work.module, FnKind::TopLevel, ParamForms::default(), form.span);
             let within = self.within.clone();
-            self.pending
-                .insert(id, Pending { module, name, kind, params, body: body.to_vec(), span, within });
+            self.pending.insert(
+                id,
+                Pending { module, name, kind, params, body: body.to_vec(), span, within, defines: None },
+            );
             work.functions.push(id);
         }
     }
@@ -477,7 +490,7 @@ impl Compiler<'_> {
         let id = self.declare(name, FnKind::Function, work.module);
         let (module, kind, body, span) = (work.module, FnKind::Function, body.to_vec(), form.span);
         let within = self.within.clone();
-        self.pending.insert(id, Pending { module, name, kind, params, body, span, within });
+        self.pending.insert(id, Pending { module, name, kind, params, body, span, within, defines: None });
         self.opens.entry(open).or_default().push(id);
         work.functions.push(id);
     }
@@ -524,35 +537,13 @@ impl Compiler<'_> {
                 Init::Form(form, within) => forms.push((form, within)),
                 Init::Const(id) => {
                     functions.extend(self.init_forms(work.module, &mut forms, file));
-                    self.compile_constants(None);
+                    self.compile(id);
                     functions.push(id);
                 }
             }
         }
         functions.extend(self.init_forms(work.module, &mut forms, file));
         functions
-    }
-
-    /// Compiles the constants that stand above a place, or all.
-    pub(crate) fn compile_constants(&mut self, above: Option<Span>) {
-        let stands_above = |constant: &Constant| {
-            let span = constant.value.span;
-            above.is_none_or(|at| span.file != at.file || span.start < at.start)
-        };
-        while let Some(at) = self.waiting.iter().position(stands_above) {
-            let Constant { id, global, value, name, module, within } = self.waiting.remove(at);
-            let within = std::mem::replace(&mut self.within, within);
-            let mentioned = std::mem::take(&mut self.mentioned);
-            let mut scope = Scope::new(module, FnKind::TopLevel);
-            let value = self.expr(&mut scope, &value);
-            let span = value.span;
-            let define = Expr::new(ExprKind::Define(global, Box::new(value)), span);
-            self.init_function(scope, id, name, vec![define], span);
-            self.within = within;
-            let references = std::mem::replace(&mut self.mentioned, mentioned);
-            self.references.insert(id, references);
-            self.constants.push(id);
-        }
     }
 
     fn init_forms(
@@ -575,6 +566,20 @@ impl Compiler<'_> {
         Some(id)
     }
 
+    /// The function that computes a constant.
+    pub(crate) fn constant_function(
+        &mut self,
+        mut scope: Scope,
+        name: Symbol,
+        global: GlobalId,
+        value: &Form,
+    ) -> Function {
+        let value = self.expr(&mut scope, value);
+        let span = value.span;
+        let define = Expr::new(ExprKind::Define(global, Box::new(value)), span);
+        self.finish_function(scope, name, Params::default(), Vec::new(), vec![define], span)
+    }
+
     fn init_function(&mut self, scope: Scope, id: FnId, name: Symbol, body: Vec<Expr>, span: Span) {
         let function = self.finish_function(scope, name, Params::default(), Vec::new(), body, span);
         self.lower(id, &function);
@@ -590,20 +595,29 @@ impl Compiler<'_> {
         let mut code = match to_form(form, span, &Places::default()) {
             Ok(code) => code,
             Err(_) => {
-                let (name, what) = (name.to_string(), vm::print::brief(form));
-                self.error(CompileError::NotAForm { name, what, at: span });
+                let (what, shape) = (vm::print::brief(form), "(replace path '(code …))".into());
+                let (form, problem) = ("edit".into(), format!("has the code {what}, which is no form"));
+                self.error(CompileError::Shape { form, problem, shape, at: span });
                 return id;
             }
         };
         move_to(&mut code, span);
         let scope = Scope::new(module, FnKind::Inserted).with_original(original);
-        // The parameters of the plan, with their defaults: the call may not have given all.
-        let known = self.plan_params.get(&plan).cloned();
-        let params = known.unwrap_or_else(|| ParamForms::of_names(&names, span));
+        // What was not given has its default in the code as in the plan, in whose module it stands.
+        let params = self.plan_params.get(&plan).cloned();
+        let params = params.unwrap_or_else(|| ParamForms::of_names(&names, span));
+        self.within.extend(self.home(plan));
         let function = self.function(scope, name, &params, std::slice::from_ref(&code), span);
+        self.within.clear();
         self.lower(id, &function);
         id
     }
+}
+
+/// What people call a file: its name without folders and ending.
+fn short_name(key: &str) -> &str {
+    let name = key.rsplit(['/', '\\']).next().unwrap_or(key);
+    name.strip_suffix(".plan").unwrap_or(name)
 }
 
 fn is_definition(form: &Form) -> bool {

@@ -6,14 +6,14 @@
 use std::collections::BTreeSet;
 
 use grammar::Form;
-use vm::code::{FnId, Params};
+use vm::code::{FnId, FnKind, Params};
 use vm::host::NoHost;
 use vm::machine::Progress;
 use vm::value::{Symbol, Value};
 
-use crate::Compiler;
 use crate::data::{NoForm, Places, to_form, to_value};
 use crate::error::CompileError;
+use crate::{Compiler, Expander};
 
 /// How deep expansions may nest.
 const MOST_LEVELS: usize = 200;
@@ -36,14 +36,16 @@ impl Compiler<'_> {
         }
         let mut places = Places::default();
         let args: Vec<Value> = form.list()?.iter().skip(1).map(|arg| to_value(arg, &mut places)).collect();
-        if let Some(needs) = self.prepare(function) {
-            let (name, needs) = (name.to_string(), needs.to_string());
-            self.error(CompileError::NotYet { name, needs, at });
-            return None;
-        }
-        self.compile_constants(Some(at));
+        let constants = match self.prepare(function) {
+            Ok(constants) => constants,
+            Err(needs) => {
+                let (name, needs) = (name.to_string(), needs.to_string());
+                self.error(CompileError::NotYet { name, needs, at });
+                return None;
+            }
+        };
         let given = args.len();
-        let result = self.run_macro(function, args);
+        let result = self.run_macro(function, args, constants);
         let value = match result {
             Ok(value) => value,
             Err(failure) => {
@@ -72,8 +74,12 @@ impl Compiler<'_> {
         }
     }
 
-    /// Compiles a function and all that it mentions. Answers the name of one that cannot be.
-    fn prepare(&mut self, function: FnId) -> Option<Symbol> {
+    /// Compiles a function and all that it mentions. Answers the functions of the constants among
+    /// these, in the order of their definitions.
+    ///
+    /// # Errors
+    /// The name of something that cannot be compiled yet.
+    fn prepare(&mut self, function: FnId) -> Result<Vec<FnId>, Symbol> {
         let mut seen = BTreeSet::new();
         let mut todo = vec![function];
         while let Some(id) = todo.pop() {
@@ -87,26 +93,19 @@ impl Compiler<'_> {
             // Being compiled just now: the macro is used inside of what it needs.
             let proto = &self.program.functions[id.at()];
             if proto.end == proto.entry {
-                return Some(proto.name);
+                return Err(proto.name);
             }
         }
-        None
+        Ok(seen.into_iter().filter(|id| self.program.functions[id.at()].kind == FnKind::TopLevel).collect())
     }
 
-    fn run_macro(&mut self, function: FnId, args: Vec<Value>) -> Result<Value, Value> {
-        let constants: Vec<FnId> = self.constants[self.expander.constants..].to_vec();
-        self.expander.constants = self.constants.len();
-        for constant in &constants {
-            self.prepare(*constant);
-        }
+    fn run_macro(&mut self, function: FnId, args: Vec<Value>, constants: Vec<FnId>) -> Result<Value, Value> {
         let Compiler { front, program, .. } = self;
-        let machine = &mut front.expander.machine;
+        let Expander { machine, computed } = &mut front.expander;
         std::mem::swap(&mut machine.program, program);
-        for constant in constants {
+        for constant in constants.into_iter().filter(|constant| computed.insert(*constant)) {
             // One that fails will fail again, with its place, when the program is loaded.
-            if machine.program.functions[constant.at()].end.0 > 0 {
-                let _ = call(machine, constant, Vec::new());
-            }
+            let _ = call(machine, constant, Vec::new());
         }
         let result = match machine.arrange(function, args) {
             Ok(args) => call(machine, function, args),

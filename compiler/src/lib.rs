@@ -18,7 +18,7 @@ pub mod module;
 pub mod pages;
 mod resolve;
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::rc::Rc;
 
 use grammar::{FileId, Form, ParseError, Span};
@@ -104,10 +104,8 @@ pub struct Front {
     /// The parameters of plans as written, for the code of edits.
     plan_params: BTreeMap<FnId, ParamForms>,
     opens: BTreeMap<FnId, Vec<FnId>>,
-    /// Constants that are declared but not compiled.
-    waiting: Vec<Constant>,
-    /// The compiled constants, which macros may need, in the order of their definitions.
-    constants: Vec<FnId>,
+    /// The function that computes each constant.
+    constants: BTreeMap<GlobalId, FnId>,
     expander: Expander,
     loaded: BTreeMap<String, ModuleId>,
     /// Files being loaded, outermost first.
@@ -117,18 +115,7 @@ pub struct Front {
 /// A machine of its own for macros, and the constants it has computed.
 struct Expander {
     machine: Machine,
-    constants: usize,
-}
-
-/// A constant that is declared but not compiled.
-pub(crate) struct Constant {
-    /// The function that computes it.
-    id: FnId,
-    global: GlobalId,
-    value: Form,
-    name: Symbol,
-    module: ModuleId,
-    within: Vec<ModuleId>,
+    computed: BTreeSet<FnId>,
 }
 
 /// A function that is declared but not compiled.
@@ -142,6 +129,8 @@ pub(crate) struct Pending {
     span: Span,
     /// The modules of the macros that made it.
     within: Vec<ModuleId>,
+    /// The constant that gets its value.
+    defines: Option<GlobalId>,
 }
 
 impl Default for Front {
@@ -158,9 +147,8 @@ impl Default for Front {
             references: BTreeMap::new(),
             plan_params: BTreeMap::new(),
             opens: BTreeMap::new(),
-            waiting: Vec::new(),
-            constants: Vec::new(),
-            expander: Expander { machine, constants: 0 },
+            constants: BTreeMap::new(),
+            expander: Expander { machine, computed: BTreeSet::new() },
             loaded: BTreeMap::new(),
             loading: Vec::new(),
         }
@@ -202,18 +190,27 @@ impl Compiler<'_> {
         self.mentioned.push(f);
     }
 
+    /// The function that is being resolved refers to a constant.
+    fn mention_constant(&mut self, global: GlobalId) {
+        let computes = self.constants.get(&global).copied();
+        self.mentioned.extend(computes);
+    }
+
     /// Compiles a function that has been declared, unless that has been done.
     fn compile(&mut self, id: FnId) {
         let Some(pending) = self.pending.remove(&id) else { return };
         let mentioned = std::mem::take(&mut self.mentioned);
         let within = std::mem::replace(&mut self.within, pending.within.clone());
         let scope = resolve::Scope::new(pending.module, pending.kind);
-        let function = self.function(scope, pending.name, &pending.params, &pending.body, pending.span);
+        let function = match pending.defines {
+            Some(global) => self.constant_function(scope, pending.name, global, &pending.body[0]),
+            None => self.function(scope, pending.name, &pending.params, &pending.body, pending.span),
+        };
         self.lower(id, &function);
         let references = std::mem::replace(&mut self.mentioned, mentioned);
         self.within = within;
         self.references.insert(id, references);
-        if self.keep_forms {
+        if self.keep_forms && pending.defines.is_none() {
             self.sources.insert(id, Rc::new(pending));
         }
     }

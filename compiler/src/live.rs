@@ -23,7 +23,7 @@ pub(crate) struct Before {
     opens: BTreeMap<FnId, Vec<FnId>>,
     loaded: BTreeMap<String, ModuleId>,
     sources: BTreeMap<FnId, Rc<Pending>>,
-    constants: usize,
+    constants: BTreeMap<GlobalId, FnId>,
     ground: Option<FnId>,
     failures: FailureTypes,
     functions: Vec<(FnId, Proto)>,
@@ -39,7 +39,7 @@ impl Front {
             opens: self.opens.clone(),
             loaded: self.loaded.clone(),
             sources: self.sources.clone(),
-            constants: self.constants.len(),
+            constants: self.constants.clone(),
             ground: program.ground,
             failures: program.failures.clone(),
             functions: all.chain(opens).map(|id| (id, program.functions[id.at()].clone())).collect(),
@@ -52,8 +52,7 @@ impl Front {
         self.opens = before.opens;
         self.loaded = before.loaded;
         self.sources = before.sources;
-        self.constants.truncate(before.constants);
-        self.expander.constants = self.expander.constants.min(before.constants);
+        self.constants = before.constants;
         program.ground = before.ground;
         program.failures = before.failures;
         for (id, proto) in before.functions {

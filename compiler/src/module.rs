@@ -211,8 +211,13 @@ pub fn is_private(name: Symbol) -> bool {
 #[must_use]
 pub fn nearest<'a>(name: &str, names: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     let most = (name.chars().count() / 3).clamp(1, 3);
-    let near =
-        names.into_iter().map(|other| (distance(name, other, most), other)).filter(|(d, _)| *d <= most);
+    // A letter is not like another letter, and `?x` is like other variables only.
+    let alike = |other: &str| name.starts_with('?') == other.starts_with('?');
+    let far_from_empty =
+        |distance: usize, other: &str| distance < name.chars().count().max(other.chars().count());
+    let names =
+        names.into_iter().filter(|other| alike(other)).map(|other| (distance(name, other, most), other));
+    let near = names.filter(|(distance, other)| *distance <= most && far_from_empty(*distance, other));
     near.min_by_key(|(distance, other)| (*distance, *other)).map(|(_, other)| other)
 }
 

@@ -186,7 +186,10 @@ impl Compiler<'_> {
             return Expr::new(ExprKind::Var(var), span);
         }
         match self.meaning(scope, name, span) {
-            Some(Meaning::Const(global)) => Expr::new(ExprKind::Global(global), span),
+            Some(Meaning::Const(global)) => {
+                self.mention_constant(global);
+                Expr::new(ExprKind::Global(global), span)
+            }
             Some(Meaning::Function(f, _) | Meaning::Plan(f, _) | Meaning::Open(f, _)) => {
                 self.mention(f);
                 constant(Value::Imm(vm::value::Imm::Function(f)))
@@ -246,6 +249,9 @@ impl Compiler<'_> {
 
     /// A module that defines the name and could be used.
     fn elsewhere(&self, name: Symbol) -> Option<String> {
+        if crate::module::is_private(name) {
+            return None;
+        }
         let module = self.modules.iter().find(|(_, module)| module.names.contains_key(&name))?.1;
         Some(format!("the module `{}` defines it: write (use {})", module.name, module.name))
     }
@@ -287,8 +293,10 @@ impl Compiler<'_> {
 
     fn named_call(&mut self, scope: &mut Scope, form: &Form, name: Symbol, at: Span, args: &[Form]) -> Expr {
         let Some(meaning) = self.meaning(scope, name, at) else {
-            // The arguments may have mistakes of their own.
-            self.body(scope, args);
+            // The arguments may have mistakes of their own; those of a misspelled form mean something else.
+            if nearest(&name, special::NAMES.iter().copied()).is_none() {
+                self.body(scope, args);
+            }
             return Expr::nil(form.span);
         };
         match meaning {
@@ -319,6 +327,7 @@ impl Compiler<'_> {
                 Expr::new(ExprKind::Call(Callee::Native(native), args), form.span)
             }
             Meaning::Const(global) => {
+                self.mention_constant(global);
                 let callee = Expr::new(ExprKind::Global(global), at);
                 let args = args.iter().map(|arg| Some(self.expr(scope, arg))).collect();
                 Expr::new(ExprKind::Call(Callee::Value(Box::new(callee)), args), form.span)
@@ -389,7 +398,7 @@ impl Compiler<'_> {
     ) -> Vec<Option<Expr>> {
         let names = params.key_names();
         let mut given: Vec<Option<Expr>> = vec![None; names.len()];
-        for pair in args.chunks(2) {
+        for (i, pair) in args.chunks(2).enumerate() {
             let FormKind::Keyword(key) = pair[0].kind else { continue };
             let Some(value) = pair.get(1) else {
                 let problem = format!("has `:{key}` without a value");
@@ -401,7 +410,7 @@ impl Compiler<'_> {
             match names.iter().position(|known| *known == key) {
                 Some(at) if given[at].is_none() => given[at] = Some(value),
                 Some(_) => {
-                    let (again, first) = (pair[0].span, span);
+                    let (again, first) = (pair[0].span, first_of(key, &args[..2 * i]).unwrap_or(span));
                     self.error(CompileError::BoundTwice { name: format!(":{key}"), again, first });
                 }
                 None if params.rest => {}
@@ -517,6 +526,12 @@ impl Compiler<'_> {
             self.functions.insert(id, Rc::new(function.clone()));
         }
     }
+}
+
+/// Where a keyword stands among keywords and values.
+fn first_of(key: Symbol, pairs: &[Form]) -> Option<Span> {
+    let mut keys = pairs.iter().step_by(2);
+    keys.find(|form| matches!(form.kind, FormKind::Keyword(known) if known == key)).map(|form| form.span)
 }
 
 /// True if a call with `n` arguments fits, as far as their number goes.

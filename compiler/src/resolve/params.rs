@@ -47,7 +47,11 @@ impl Compiler<'_> {
             }
         };
         let mut section = Section::Required;
-        for item in items {
+        for (at, item) in items.iter().enumerate() {
+            if item.is("&rest") && items.len() == at + 1 {
+                let problem = "`&rest` is followed by no name".into();
+                self.error(CompileError::Parameters { problem, at: item.span });
+            }
             match item.symbol().and_then(|name| Section::of(&name)) {
                 Some(next) if next > section => section = next,
                 Some(_) => {
@@ -88,7 +92,7 @@ impl Compiler<'_> {
             },
             _ => return self.error(problem("a parameter is a name")),
         };
-        if matches!(name.as_str(), "nil" | "true" | "false") {
+        if matches!(name.as_str(), "nil" | "true" | "false") || name.starts_with('&') {
             return self.error(problem(&format!("`{name}` cannot be a parameter")));
         }
         match section {

@@ -6,6 +6,7 @@ use vm::value::Value;
 use super::Scope;
 use crate::Compiler;
 use crate::ast::{Expr, ExprKind};
+use crate::error::CompileError;
 
 impl Compiler<'_> {
     /// The expression that makes the data of a template. `level` counts quasi-quotes around it.
@@ -16,6 +17,12 @@ impl Compiler<'_> {
         let span = form.span;
         match &form.kind {
             FormKind::Prefixed(Prefix::Unquote, inner) if level == 1 => self.expr(scope, inner),
+            FormKind::Prefixed(prefix @ Prefix::Splice, _) if level == 1 => {
+                let (form, inside) = (prefix.sign().into(), "a list or vector of a quasi-quote".into());
+                let help = Some("`,@` puts the elements of a list into the list around it".into());
+                self.error(CompileError::Outside { form, inside, at: span, help });
+                Expr::nil(span)
+            }
             FormKind::Prefixed(prefix, inner) => {
                 let level = match prefix {
                     Prefix::Quasi => level + 1,

@@ -601,14 +601,14 @@ fn make_failure(it: &mut Compiler<'_>, scope: &mut Scope, form: &Form, args: &[F
 /// `:field value …`
 fn fields_of(it: &mut Compiler<'_>, scope: &mut Scope, form: &Form, args: &[Form]) -> Vec<(Symbol, Expr)> {
     let mut fields: Vec<(Symbol, Expr)> = Vec::new();
-    for pair in args.chunks(2) {
+    for (i, pair) in args.chunks(2).enumerate() {
         let (FormKind::Keyword(key), Some(value)) = (&pair[0].kind, pair.get(1)) else {
             it.misshapen(form, "has fields that are not written :field value");
             continue;
         };
         let value = it.expr(scope, value);
         if fields.iter().any(|(known, _)| known == key) {
-            let (again, first) = (pair[0].span, form.span);
+            let (again, first) = (pair[0].span, super::first_of(*key, &args[..2 * i]).unwrap_or(form.span));
             it.error(CompileError::BoundTwice { name: format!(":{key}"), again, first });
         }
         fields.push((*key, value));
