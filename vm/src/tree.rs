@@ -494,7 +494,7 @@ impl Tree {
 
     /// A slot begins only now, after what edits have put before it: that is its place among its
     /// siblings.
-    pub(crate) fn begins(&mut self, slot: SlotId) {
+    pub fn begins(&mut self, slot: SlotId) {
         let next = RecId(self.records.len as u32);
         self.slots.get_mut(slot.0).since = next;
     }
@@ -505,17 +505,17 @@ impl Tree {
     }
 
     /// A record, to be changed while it is not final.
-    pub(crate) fn record_mut(&mut self, rec: RecId) -> &mut Record {
+    pub fn record_mut(&mut self, rec: RecId) -> &mut Record {
         self.records.get_mut(rec.0)
     }
 
     /// What few records have, made if it is missing.
-    pub(crate) fn extra_mut(&mut self, rec: RecId) -> &mut Extra {
+    pub fn extra_mut(&mut self, rec: RecId) -> &mut Extra {
         self.extras.entry(rec).or_default()
     }
 
     /// Puts other parameters in the place of those of a record.
-    pub(crate) fn set_args(&mut self, rec: RecId, args: &[Value]) {
+    pub fn set_args(&mut self, rec: RecId, args: &[Value]) {
         let params = self.params.len as u32;
         for arg in args {
             self.params.push(arg.clone());

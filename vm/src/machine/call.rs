@@ -12,7 +12,7 @@ use crate::tree::{NodeKind, RecId, Status};
 use crate::value::{Imm, Obj, Symbol, Value};
 
 use super::drive::Call;
-use super::{Ctx, Exit, Frame, Here, MEMO, Machine, Occurrences, RESUME, Run, hot};
+use super::{Ctx, CtxParts, Exit, Frame, Here, MEMO, Machine, Occurrences, RESUME, Run, hot};
 
 /// The site of calls that stand in no source: the plan of `run-plan`.
 pub(super) fn root_site() -> Site {
@@ -398,7 +398,7 @@ impl Machine {
         let run = &mut self.runs[0..];
         let Some(run) = run.last_mut() else { return Ok(Next::Return(Value::NIL)) };
         let rec = run.record(run.here);
-        let mut ctx = Ctx {
+        let mut ctx = Ctx::new(CtxParts {
             program: &self.program,
             tree: &run.tree,
             rec,
@@ -409,7 +409,7 @@ impl Machine {
             fresh: &mut self.fresh,
             output_limit: self.limits.output,
             host,
-        };
+        });
         (native.run)(&mut ctx, args)
     }
 

@@ -101,7 +101,7 @@ struct Run {
     memos: Vec<(RecId, Chain)>,
     memo_index: FxHashMap<(RecId, Chain), u32>,
     occurrences: FxHashMap<RecId, Occurrences>,
-    draws: FxHashMap<RecId, u64>,
+    draws: Draws,
     /// Memory for walks over frames.
     levels: Vec<(Option<crate::code::SiteId>, u32)>,
     /// The edit that each piece of inserted code belongs to.
@@ -142,7 +142,7 @@ impl Run {
             memos: Vec::new(),
             memo_index: FxHashMap::default(),
             occurrences: FxHashMap::default(),
-            draws: FxHashMap::default(),
+            draws: Draws::default(),
             levels: Vec::new(),
             edit_of,
             obligations: Vec::new(),
@@ -507,54 +507,80 @@ impl Machine {
     }
 }
 
+/// How many random numbers each task has drawn.
+#[derive(Debug, Default)]
+pub struct Draws(FxHashMap<RecId, u64>);
+
+/// What a [`Ctx`] is made of: the parts of a run that natives may use.
+pub struct CtxParts<'a> {
+    /// The program: names of functions, types of failures.
+    pub program: &'a Program,
+    /// The tree of the run so far.
+    pub tree: &'a Tree,
+    /// The task that calls.
+    pub rec: RecId,
+    /// How many random numbers each task has drawn.
+    pub draws: &'a mut Draws,
+    /// Key of all random draws.
+    pub seed: u64,
+    /// The task clock, in nanoseconds.
+    pub now: u64,
+    /// How many bytes have been printed.
+    pub printed: &'a mut usize,
+    /// How many fresh names have been made.
+    pub fresh: &'a mut u64,
+    /// How many bytes may be printed.
+    pub output_limit: usize,
+    /// Where what is printed goes.
+    pub host: &'a mut dyn Host,
+}
+
 /// What natives may use.
 pub struct Ctx<'a> {
     /// The program: names of functions, types of failures.
     pub program: &'a Program,
-    tree: &'a Tree,
-    rec: RecId,
-    draws: &'a mut FxHashMap<RecId, u64>,
-    seed: u64,
-    now: u64,
-    printed: &'a mut usize,
-    fresh: &'a mut u64,
-    output_limit: usize,
-    host: &'a mut dyn Host,
+    parts: CtxParts<'a>,
 }
 
-impl Ctx<'_> {
+impl<'a> Ctx<'a> {
+    /// A context for one call of a native.
+    #[must_use]
+    pub fn new(parts: CtxParts<'a>) -> Ctx<'a> {
+        Ctx { program: parts.program, parts }
+    }
     /// Prints text as it is.
     ///
     /// # Errors
     /// `output-too-large` if the run has printed more than its limit.
     pub fn print(&mut self, text: &str) -> Result<(), Raise> {
-        *self.printed += text.len();
-        if *self.printed > self.output_limit {
-            let message = format!("the program printed more than {} bytes", self.output_limit);
+        *self.parts.printed += text.len();
+        if *self.parts.printed > self.parts.output_limit {
+            let message = format!("the program printed more than {} bytes", self.parts.output_limit);
             let fields =
-                vec![("message", Value::str(message)), ("limit", Value::int(self.output_limit as i64))];
+                vec![("message", Value::str(message)), ("limit", Value::int(self.parts.output_limit as i64))];
             return Err(Box::new(Failure::with(Builtin::OutputTooLarge, fields)));
         }
-        self.host.print(text);
+        self.parts.host.print(text);
         Ok(())
     }
     /// The next random number of the running task.
     pub fn draw(&mut self) -> u64 {
-        let n = self.draws.entry(self.rec).or_insert(0);
-        let record = self.tree.record(self.rec);
-        let number = crate::random::draw(self.seed, self.tree.slot(record.slot).hash, record.attempt, *n);
+        let n = self.parts.draws.0.entry(self.parts.rec).or_insert(0);
+        let record = self.parts.tree.record(self.parts.rec);
+        let number =
+            crate::random::draw(self.parts.seed, self.parts.tree.slot(record.slot).hash, record.attempt, *n);
         *n += 1;
         number
     }
     /// A name that no program uses.
     pub fn fresh(&mut self, stem: &str) -> crate::value::Symbol {
-        *self.fresh += 1;
-        crate::value::Symbol::from(&format!("{stem}%{}", self.fresh))
+        *self.parts.fresh += 1;
+        crate::value::Symbol::from(&format!("{stem}%{}", self.parts.fresh))
     }
     /// Seconds of the task clock.
     #[must_use]
     pub fn now_s(&self) -> f64 {
-        self.now as f64 / 1e9
+        self.parts.now as f64 / 1e9
     }
     /// The text of a value, with the names of functions.
     #[must_use]
@@ -564,7 +590,7 @@ impl Ctx<'_> {
     /// The tree of the run so far.
     #[must_use]
     pub fn tree(&self) -> &Tree {
-        self.tree
+        self.parts.tree
     }
 }
 
