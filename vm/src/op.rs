@@ -280,6 +280,7 @@ impl Op {
                 | Op::TailCall(..)
                 | Op::TailCallValue(..)
                 | Op::Perform(..)
+                | Op::Retry(..)
         )
     }
 }

@@ -200,6 +200,7 @@ impl Machine {
         (run.pc, run.base) = (RESUME, above);
         let rec = call.rec;
         self.apply_edits(&mut call);
+        self.owe_all(&call);
         if let Some(skip) = self.find_edits(&call, |what| matches!(what, What::Skip(_))).last() {
             let value = match &self.edit(*skip).what {
                 What::Skip(Some(value)) => value.clone(),
@@ -208,7 +209,7 @@ impl Machine {
             self.skip(host, rec, Why::Edit, value.clone());
             return self.return_value(value);
         }
-        let put_off = self.find_edits(&call, |what| matches!(what, What::Defer(_) | What::Owe { .. }));
+        let put_off = self.find_edits(&call, |what| matches!(what, What::Defer(_)));
         let call = match put_off.is_empty() {
             true => Box::new(call),
             false => match self.put_off(host, call) {
@@ -443,7 +444,7 @@ impl Machine {
                 return self.run_edit(call, *id);
             }
             call.stage = Stage::Around;
-            if !befores.is_empty() {
+            if !befores.is_empty() && self.top().tree.record(call.rec).attempt == 1 {
                 self.top().tree.begins(call.slot);
             }
             let (wraps, rec) = (self.find_edits(&call, |what| matches!(what, What::Wrap(_))).len(), call.rec);
@@ -590,8 +591,13 @@ impl Machine {
             return rec;
         }
         let kind = run.tree.record(rec).kind;
+        let written = run.tree.extra(rec).and_then(|it| it.written.clone());
+        let counted = run.tree.record(rec).flags & COUNTED;
         let rec = run.tree.enter(parent, slot, kind, &args, run.now);
-        run.tree.record_mut(rec).flags |= DRIVEN;
+        run.tree.record_mut(rec).flags |= DRIVEN | counted;
+        if written.is_some() {
+            run.tree.extra_mut(rec).written = written;
+        }
         rec
     }
 

@@ -117,7 +117,11 @@ impl Machine {
             return Ok(plan);
         }
         let name = tree.slot(slot).name;
-        let by_name = self.program.functions.iter().rposition(|function| function.name == name);
+        let by_name = self
+            .program
+            .functions
+            .iter()
+            .rposition(|function| function.name == name && function.kind == crate::code::FnKind::Plan);
         let is_action = tree.shown(slot).is_some_and(|rec| tree.record(rec).kind == NodeKind::Action);
         match by_name {
             Some(at) if !is_action => Ok(FnId(at as u32)),

@@ -373,6 +373,7 @@ impl Machine {
             && self.last_fuel
             && failure.as_failure().is_some_and(|it| it.kind == Builtin::FuelExhausted.id())
         {
+            inner.raised.name(&inner.tree);
             self.spent = Some(failure.clone());
             return None;
         }

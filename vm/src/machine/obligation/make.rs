@@ -24,15 +24,19 @@ struct Plan {
 }
 
 impl Machine {
-    /// Applies `owe` and `defer` to a call whose record has been made. True if it is deferred.
-    pub(in crate::machine) fn put_off(&mut self, host: &mut dyn Host, call: Call) -> Result<(), Box<Call>> {
-        let mut call = Box::new(call);
-        for id in call.edits.clone() {
-            if let What::Owe { name, .. } = &self.accepted(id).edit.what {
+    /// Applies `owe` to a call whose record has been made.
+    pub(in crate::machine) fn owe_all(&mut self, call: &Call) {
+        for id in &call.edits {
+            if let What::Owe { name, .. } = &self.accepted(*id).edit.what {
                 let name = *name;
-                self.owe(&call, id, name);
+                self.owe(call, *id, name);
             }
         }
+    }
+
+    /// Applies `defer` to a call whose record has been made. Gives it back if it is not deferred.
+    pub(in crate::machine) fn put_off(&mut self, host: &mut dyn Host, call: Call) -> Result<(), Box<Call>> {
+        let mut call = Box::new(call);
         let defers: Vec<u32> = call
             .edits
             .iter()
@@ -179,8 +183,7 @@ impl Machine {
             return;
         }
         let Some(code) = code else { return };
-        let chain = run.tree.keys.then(crate::key::Chain::EMPTY, Step::Edit(id), |_| 0);
-        let chain = run.tree.keys.then(chain, Step::Name(name), |_| 0);
+        let chain = run.tree.keys.then(crate::key::Chain::EMPTY, Step::Name(name), |_| 0);
         let key = crate::key::Key { site: SiteId(0), chain };
         let slot = run.tree.child(holder, key, name, 0);
         let rec = run.tree.enter(holder, slot, NodeKind::Plan, &[], run.now);
