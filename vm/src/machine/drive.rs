@@ -591,12 +591,13 @@ impl Machine {
             return rec;
         }
         let kind = run.tree.record(rec).kind;
-        let written = run.tree.extra(rec).and_then(|it| it.written.clone());
+        let before = run.tree.extra(rec).cloned();
         let counted = run.tree.record(rec).flags & COUNTED;
         let rec = run.tree.enter(parent, slot, kind, &args, run.now);
         run.tree.record_mut(rec).flags |= DRIVEN | counted;
-        if written.is_some() {
-            run.tree.extra_mut(rec).written = written;
+        if let Some(before) = before.filter(|it| it.written.is_some() || it.performed_in.is_some()) {
+            let extra = run.tree.extra_mut(rec);
+            (extra.written, extra.performed_in) = (before.written, before.performed_in);
         }
         rec
     }

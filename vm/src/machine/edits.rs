@@ -149,7 +149,9 @@ fn find_all(tree: &Tree, slot: SlotId, paths: &[Path], own: bool) -> Result<Vec<
                 path.show()
             ));
         }
-        slots.push(other);
+        if !slots.contains(&other) {
+            slots.push(other);
+        }
     }
     Ok(slots)
 }
