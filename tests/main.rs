@@ -7,6 +7,7 @@
 //!
 //! `UPDATE_EXPECT=1` writes what came out over what was expected: read the difference.
 
+mod agreement;
 mod arrows;
 mod cmd;
 mod diagnostics;
@@ -14,6 +15,7 @@ mod docs;
 mod expected;
 mod fuzz_regressions;
 mod limits;
+mod oracle;
 mod program;
 mod repl;
 mod run;

@@ -14,6 +14,7 @@ use vm::native::{Next, type_error};
 use vm::tree::{NodeKind, Status, Why};
 use vm::value::{Imm, Obj, Symbol, Value};
 
+use super::MOST_STEPS;
 use super::eval::{Eval, Exit, Here, Oracle, Ready, Use, Way};
 use super::forms::Part;
 
@@ -26,9 +27,10 @@ pub enum Body {
 }
 
 /// A call with a record.
-pub struct Call<'p> {
+#[derive(Clone)]
+pub struct Call {
     /// Where it stands.
-    pub here: Here<'p>,
+    pub here: Here,
     pub slot: usize,
     pub rec: usize,
     pub body: Body,
@@ -42,11 +44,11 @@ pub struct Call<'p> {
 
 /// What `(original)` runs.
 #[derive(Clone)]
-pub enum Original<'p> {
+pub enum Original {
     /// The call with this many of its wraps.
-    Wrap(Rc<Call<'p>>, usize),
+    Wrap(Rc<Call>, usize),
     /// The body of a record with this many of its replacements.
-    Layer(Rc<Call<'p>>, usize, usize),
+    Layer(Rc<Call>, usize, usize),
 }
 
 impl<'p> Oracle<'p> {
@@ -55,14 +57,18 @@ impl<'p> Oracle<'p> {
     /// Calls a function of the program that is no plan.
     pub fn call_function(
         &mut self,
-        here: &Here<'p>,
+        here: &Here,
         expr: &'p Expr,
         name: Symbol,
         ready: Ready<'p>,
         usage: Use,
     ) -> Eval<'p> {
         if usage == Use::Tail {
-            return Err(Exit::Tail(ready));
+            // A function that owes something cannot go before it has been done.
+            return match self.owes(here.function_form) {
+                true => self.run_function(here, ready),
+                false => Err(Exit::Tail(Ready { place: here.place.clone(), ..ready })),
+            };
         }
         let site = self.site(here, expr, name);
         let inner = Here { way: here.way.then(Step::Call(site)), ..here.clone() };
@@ -70,25 +76,26 @@ impl<'p> Oracle<'p> {
     }
 
     /// Runs a function and what it goes on as, on the same way.
-    pub fn run_function(&mut self, here: &Here<'p>, mut ready: Ready<'p>) -> Eval<'p> {
-        for turn in 0.. {
-            let Ready { function, owner, captured, args } = ready;
-            let inner = Here { owner, original: None, ..here.clone() };
+    pub fn run_function(&mut self, here: &Here, ready: Ready<'p>) -> Eval<'p> {
+        let mut ready = Ready { place: here.place.clone(), ..ready };
+        loop {
+            let Ready { function, owner, captured, args, place } = ready;
+            let function_form = self.run.forms.len();
+            let inner = Here { place, function_form, owner, original: None, handled: None, ..here.clone() };
             let result = self.deeper(|it| {
-                it.form(&inner, Part::Body(turn), |it, here| it.body_of(here, function, captured, args))
+                it.form(&inner, Part::Body, |it, here| it.body_of(here, function, captured, args))
             });
             match result {
                 Err(Exit::Tail(next)) => ready = next,
                 result => return result,
             }
         }
-        unreachable!("a function does not go on for ever")
     }
 
     /// Binds parameters and does the body.
     pub fn body_of(
         &mut self,
-        here: &Here<'p>,
+        here: &Here,
         function: &'p Function,
         captured: Vec<Value>,
         args: Vec<Value>,
@@ -115,7 +122,7 @@ impl<'p> Oracle<'p> {
     /// Calls a value. `name` is what the source says of it.
     pub fn call_value(
         &mut self,
-        here: &Here<'p>,
+        here: &Here,
         expr: &'p Expr,
         name: Symbol,
         callee: &Value,
@@ -135,7 +142,7 @@ impl<'p> Oracle<'p> {
     }
 
     /// A function value with its arguments in the order of the parameters.
-    fn ready(&mut self, here: &Here<'p>, callee: &Value, args: Vec<Value>) -> Result<Ready<'p>, Exit<'p>> {
+    fn ready(&mut self, here: &Here, callee: &Value, args: Vec<Value>) -> Result<Ready<'p>, Exit<'p>> {
         let (id, captured) = match callee {
             Value::Imm(Imm::Function(id)) => (*id, Vec::new()),
             Value::Obj(obj) if let Obj::Closure(id, captured) = &**obj => (*id, captured.to_vec()),
@@ -143,7 +150,9 @@ impl<'p> Oracle<'p> {
         };
         let function = self.function(id);
         match arrange(&function.params, args) {
-            Ok(args) => Ok(Ready { function, owner: self.owner(id), captured, args }),
+            Ok(args) => {
+                Ok(Ready { function, owner: self.owner(id), captured, args, place: here.place.clone() })
+            }
             Err(problem) => {
                 let message = format!("`{}` {problem}", function.name);
                 self.raise(here, Box::new(Failure::new(Builtin::ArityError, message)))
@@ -155,7 +164,7 @@ impl<'p> Oracle<'p> {
 
     pub fn native(
         &mut self,
-        here: &Here<'p>,
+        here: &Here,
         expr: &'p Expr,
         native: NativeId,
         args: Vec<Value>,
@@ -175,7 +184,7 @@ impl<'p> Oracle<'p> {
     }
 
     /// `(run-plan plan :args args :tree tree)`: a run of its own, with its own clock.
-    fn run_plan(&mut self, here: &Here<'p>, plan: &Value, args: Vec<Value>, tree: Option<Value>) -> Eval<'p> {
+    fn run_plan(&mut self, here: &Here, plan: &Value, args: Vec<Value>, tree: Option<Value>) -> Eval<'p> {
         let id = match plan {
             Value::Imm(Imm::Function(id)) if self.function(*id).kind == FnKind::Plan => *id,
             _ => return self.raise(here, type_error("a plan", plan)),
@@ -190,20 +199,25 @@ impl<'p> Oracle<'p> {
         let outer = std::mem::replace(&mut self.run, inner);
         let root = Here::root(None);
         let name = self.function(id).name;
-        let slot = self.slot(&root, SiteId(0), name, true, Some(id), true);
-        let outcome = self.deeper(|it| it.start(&root, slot, Body::Plan(id), args, None));
+        let outcome = self.deeper(|it| {
+            it.form(&root, Part::Body, |it, here| {
+                let slot = it.slot(here, SiteId(0), name, true, Some(id), true)?;
+                it.start(here, slot, Body::Plan(id), args, None)
+            })
+        });
+        let mut inner = std::mem::replace(&mut self.run, outer);
         let (status, value) = match outcome {
             Ok(value) => (Status::Succeeded, value),
             Err(Exit::Fail(failure)) => (Status::Failed, failure),
             Err(exit) => return Err(exit),
         };
-        let mut inner = std::mem::replace(&mut self.run, outer);
         inner.tree.end(0, status, value, inner.now);
         Ok(self.tree_value(inner.tree))
     }
 
     /// A tree as a value.
-    pub fn tree_value(&mut self, tree: super::Tree) -> Value {
+    pub fn tree_value(&mut self, mut tree: super::Tree) -> Value {
+        tree.polish();
         let mirror = Rc::new(tree.mirror.clone());
         self.trees.push((mirror.clone(), Rc::new(tree)));
         Value::new(Obj::Tree(mirror))
@@ -211,8 +225,11 @@ impl<'p> Oracle<'p> {
 
     /// The tree that a value is.
     pub fn tree_of(&self, value: &Value) -> Result<Rc<super::Tree>, Exit<'p>> {
-        let found = value.as_tree().and_then(|it| self.trees.iter().find(|(mirror, _)| Rc::ptr_eq(mirror, it)));
-        found.map(|(_, tree)| tree.clone()).ok_or_else(|| Exit::GiveUp("a tree that the oracle did not make".into()))
+        let found =
+            value.as_tree().and_then(|it| self.trees.iter().find(|(mirror, _)| Rc::ptr_eq(mirror, it)));
+        found
+            .map(|(_, tree)| tree.clone())
+            .ok_or_else(|| Exit::GiveUp("a tree that the oracle did not make".into()))
     }
 
     // ------------------------------------------------------------------ plans
@@ -220,7 +237,7 @@ impl<'p> Oracle<'p> {
     #[expect(clippy::too_many_arguments, reason = "a call has this many parts")]
     pub fn call_plan(
         &mut self,
-        here: &Here<'p>,
+        here: &Here,
         expr: &'p Expr,
         called: Symbol,
         plan: FnId,
@@ -230,14 +247,14 @@ impl<'p> Oracle<'p> {
     ) -> Eval<'p> {
         let site = self.site(here, expr, called);
         let name = self.function(plan).name;
-        let slot = self.slot(here, site, name, dynamic, Some(plan), usage != Use::Effect);
+        let slot = self.slot(here, site, name, dynamic, Some(plan), usage != Use::Effect)?;
         self.deeper(|it| it.start(here, slot, Body::Plan(plan), args, None))
     }
 
     /// `(perform desc :goal goal)`
     pub fn perform_expr(
         &mut self,
-        here: &Here<'p>,
+        here: &Here,
         expr: &'p Expr,
         desc: &'p Expr,
         goal: Option<&'p Function>,
@@ -249,28 +266,31 @@ impl<'p> Oracle<'p> {
         };
         let value = self.value(here, desc)?;
         let goal = goal.map(|goal| self.lambda(here, goal));
-        self.burn();
+        self.burn()?;
         let Some(it) = value.as_desc() else {
             return self.raise(here, type_error("a description to perform", &value));
         };
         let name = it.entity_type().unwrap_or(it.kind);
         let site = self.site(here, expr, called);
-        let slot = self.slot(here, site, name, true, None, usage != Use::Effect);
+        let slot = self.slot(here, site, name, true, None, usage != Use::Effect)?;
         self.deeper(|it| it.start(here, slot, Body::Action, vec![value.clone()], goal))
     }
 
     /// The slot of a call: its site, the way to it, what it calls if the source does not say, and
     /// how often the same has been called before in its record.
-    fn slot(
+    pub fn slot(
         &mut self,
-        here: &Here<'p>,
+        here: &Here,
         site: SiteId,
         name: Symbol,
         dynamic: bool,
         plan: Option<FnId>,
         value_used: bool,
-    ) -> usize {
+    ) -> Result<usize, Exit<'p>> {
         let mut steps = here.way.steps();
+        if steps.len() > MOST_STEPS {
+            return Err(Exit::GiveUp("keys are written out in full: this one is too long".into()));
+        }
         if dynamic {
             steps.push(Step::Name(name));
         }
@@ -282,12 +302,19 @@ impl<'p> Oracle<'p> {
         let hashes = &self.site_hashes;
         let slot = self.run.tree.slot(here.rec, (site, steps), name, |site| hashes[site.at()]);
         let it = &mut self.run.tree.slots[slot];
-        (it.place, it.plan, it.value_used) = (here.place.clone(), plan, value_used);
-        slot
+        (it.place, it.plan, it.home, it.value_used) = (here.place.clone(), plan, here.owner, value_used);
+        Ok(slot)
     }
 
     /// A call with a record, from its beginning.
-    fn start(&mut self, here: &Here<'p>, slot: usize, body: Body, args: Vec<Value>, goal: Option<Value>) -> Eval<'p> {
+    fn start(
+        &mut self,
+        here: &Here,
+        slot: usize,
+        body: Body,
+        args: Vec<Value>,
+        goal: Option<Value>,
+    ) -> Eval<'p> {
         let kind = if matches!(body, Body::Plan(_)) { NodeKind::Plan } else { NodeKind::Action };
         let rec = self.run.tree.enter(here.rec, slot, kind, args.clone(), self.run.now);
         let mut call = Call { here: here.clone(), slot, rec, body, args, goal, edits: Vec::new() };
@@ -309,7 +336,7 @@ impl<'p> Oracle<'p> {
     }
 
     /// A call that is neither skipped by an edit nor deferred.
-    pub fn perform(&mut self, call: &Rc<Call<'p>>) -> Eval<'p> {
+    pub fn perform(&mut self, call: &Rc<Call>) -> Eval<'p> {
         if let Some(goal) = &call.goal {
             let site = self.run.tree.slots[call.slot].key.0;
             let here = Here { way: call.here.way.then(Step::Call(site)), ..call.here.clone() };
@@ -323,9 +350,13 @@ impl<'p> Oracle<'p> {
             }
         }
         for id in self.edits_of(call, |what| matches!(what, What::Before(_))) {
-            if let Err(exit) = self.edit_code(call, id, call.here.rec, None) {
+            if let Err(exit) = self.edit_code(&call.here, call, id, None) {
                 return self.call_failed(call, exit, Why::Before);
             }
+        }
+        let first = self.run.tree.slots[call.slot].records[0];
+        if first == call.rec && !self.edits_of(call, |what| matches!(what, What::Before(_))).is_empty() {
+            self.run.tree.begins(call.slot);
         }
         let wraps = self.edits_of(call, |what| matches!(what, What::Wrap(_))).len();
         match self.wrapped(call, wraps) {
@@ -339,9 +370,9 @@ impl<'p> Oracle<'p> {
         }
     }
 
-    fn afters(&mut self, call: &Rc<Call<'p>>, value: Value) -> Eval<'p> {
+    fn afters(&mut self, call: &Rc<Call>, value: Value) -> Eval<'p> {
         for id in self.edits_of(call, |what| matches!(what, What::After(_))) {
-            self.edit_code(call, id, call.here.rec, None)?;
+            self.edit_code(&call.here, call, id, None)?;
         }
         Ok(value)
     }
@@ -352,7 +383,7 @@ impl<'p> Oracle<'p> {
     }
 
     /// A failure leaves a call whose body has not ended it.
-    fn call_failed(&mut self, call: &Call<'p>, exit: Exit<'p>, why: Why) -> Eval<'p> {
+    fn call_failed(&mut self, call: &Call, exit: Exit<'p>, why: Why) -> Eval<'p> {
         if let Exit::Fail(failure) = &exit
             && !self.run.tree.records[call.rec].status.is_final()
         {
@@ -362,7 +393,7 @@ impl<'p> Oracle<'p> {
         Err(exit)
     }
 
-    fn ask_goal(&mut self, here: &Here<'p>, goal: &Value) -> Result<bool, Exit<'p>> {
+    pub fn ask_goal(&mut self, here: &Here, goal: &Value) -> Result<bool, Exit<'p>> {
         let ready = self.ready(here, goal, Vec::new())?;
         Ok(self.run_function(here, ready)?.is_true())
     }
@@ -370,42 +401,41 @@ impl<'p> Oracle<'p> {
     // ------------------------------------------------------------------ wraps and bodies
 
     /// Numbers of the edits of one kind that hold for a call, in the order of their making.
-    pub fn edits_of(&self, call: &Call<'p>, wanted: impl Fn(&What) -> bool) -> Vec<usize> {
+    pub fn edits_of(&self, call: &Call, wanted: impl Fn(&What) -> bool) -> Vec<usize> {
         call.edits.iter().copied().filter(|id| wanted(&self.run.tree.edits[*id].edit.what)).collect()
     }
 
-    /// The code of an edit; its calls belong to the record `rec`.
-    fn edit_code(&mut self, call: &Call<'p>, id: usize, rec: usize, original: Option<Original<'p>>) -> Eval<'p> {
+    /// The code of an edit, beside a call or in its node.
+    fn edit_code(&mut self, here: &Here, call: &Call, id: usize, original: Option<Original>) -> Eval<'p> {
         let (owner, function) = self.run.tree.edits[id].code.expect("this edit has code");
-        let place = if rec == call.here.rec {
-            call.here.place.clone()
-        } else {
-            self.run.tree.slots[call.slot].place.inside(Part::Node(call.slot))
-        };
         let way = Way::default().then(Step::Edit(id as u32 + 1));
-        let here = Here { rec, way, place, original, owner: Some(owner), ..call.here.clone() };
+        let here = Here { way, original, owner: Some(owner), handled: None, ..here.clone() };
         let args = call.args.clone();
-        self.deeper(|it| it.form(&here, Part::Code(id), |it, here| it.body_of(here, function, Vec::new(), args)))
+        self.deeper(|it| {
+            it.form(&here, Part::Code(id), |it, here| it.body_of(here, function, Vec::new(), args))
+        })
     }
 
     /// A call with its first `n` wraps around it; the last of them is the outermost.
-    fn wrapped(&mut self, call: &Rc<Call<'p>>, n: usize) -> Eval<'p> {
+    fn wrapped(&mut self, call: &Rc<Call>, n: usize) -> Eval<'p> {
         let Some(inner) = n.checked_sub(1) else { return self.attempt(call) };
         let wraps = self.edits_of(call, |what| matches!(what, What::Wrap(_)));
-        self.edit_code(call, wraps[inner], call.here.rec, Some(Original::Wrap(call.clone(), inner)))
+        self.edit_code(&call.here, call, wraps[inner], Some(Original::Wrap(call.clone(), inner)))
     }
 
     /// `(original)`
-    pub fn original(&mut self, here: &Here<'p>) -> Eval<'p> {
+    pub fn original(&mut self, here: &Here) -> Eval<'p> {
         match here.original.clone() {
             Some(Original::Wrap(call, n)) => self.wrapped(&call, n),
             Some(Original::Layer(call, rec, n)) => self.layer(&call, rec, n),
-            None => self.raise(here, Box::new(Failure::new(Builtin::ProgramError, "there is no original here"))),
+            None => {
+                self.raise(here, Box::new(Failure::new(Builtin::ProgramError, "there is no original here")))
+            }
         }
     }
 
     /// Runs the body: the first time in the record of the call, then in new attempts.
-    fn attempt(&mut self, call: &Rc<Call<'p>>) -> Eval<'p> {
+    fn attempt(&mut self, call: &Rc<Call>) -> Eval<'p> {
         let mut rec = call.rec;
         if self.run.tree.records[rec].status.is_final() {
             let first = self.run.tree.records[rec].clone();
@@ -414,10 +444,10 @@ impl<'p> Oracle<'p> {
             (it.written, it.performed_in) = (first.written, first.performed_in);
         }
         let replaces = self.edits_of(call, |what| matches!(what, What::Replace(_))).len();
-        let result = match self.layer(call, rec, replaces) {
-            Ok(value) => self.check_goal(call, rec).map(|()| value),
-            Err(exit) => Err(exit),
-        };
+        self.run.bodies.push((rec, call.clone()));
+        let result = self.layer(call, rec, replaces);
+        self.run.bodies.pop();
+        let result = result.and_then(|value| self.check_goal(call, rec).map(|()| value));
         let now = self.run.now;
         match &result {
             Ok(value) => self.run.tree.end(rec, Status::Succeeded, value.clone(), now),
@@ -427,66 +457,67 @@ impl<'p> Oracle<'p> {
         result
     }
 
-    fn check_goal(&mut self, call: &Call<'p>, rec: usize) -> Result<(), Exit<'p>> {
-        let Some(goal) = call.goal.as_ref().filter(|_| !self.run.tree.records[rec].moved) else { return Ok(()) };
-        let here = self.inside_node(call, rec);
-        if self.ask_goal(&here, goal)? {
+    fn check_goal(&mut self, call: &Call, rec: usize) -> Result<(), Exit<'p>> {
+        let Some(goal) = call.goal.as_ref().filter(|_| !self.run.tree.records[rec].moved) else {
             return Ok(());
-        }
-        self.goal_not_reached(&here, call.slot)
+        };
+        let here = self.at_node(call, rec);
+        if self.ask_goal(&here, goal)? { Ok(()) } else { self.goal_not_reached(&here, call.slot) }
     }
 
-    pub fn goal_not_reached(&mut self, here: &Here<'p>, slot: usize) -> Result<(), Exit<'p>> {
+    pub fn goal_not_reached<T>(&mut self, here: &Here, slot: usize) -> Result<T, Exit<'p>> {
         let path = self.run.tree.path(slot);
         let message = format!("the goal of {} is not true after it", path.show());
         let fields = vec![("message", Value::str(message)), ("of", Value::new(Obj::Path(Box::new(path))))];
         self.raise(here, Box::new(Failure::with(Builtin::GoalNotReached, fields)))
     }
 
-    /// Where the body of a record stands.
-    fn inside_node(&self, call: &Call<'p>, rec: usize) -> Here<'p> {
-        let place = self.run.tree.slots[call.slot].place.inside(Part::Node(call.slot));
-        Here { rec, way: Way::default(), place, original: None, owner: None, ..call.here.clone() }
+    /// Where the node of a record stands; what runs in it begins a way of its own.
+    fn at_node(&self, call: &Call, rec: usize) -> Here {
+        let place = self.run.tree.slots[call.slot].place.clone();
+        Here {
+            rec,
+            way: Way::default(),
+            place,
+            original: None,
+            owner: None,
+            handled: None,
+            ..call.here.clone()
+        }
     }
 
     /// The body of a record with the first `n` replacements; the last of them counts.
-    fn layer(&mut self, call: &Rc<Call<'p>>, rec: usize, n: usize) -> Eval<'p> {
-        if let Some(inner) = n.checked_sub(1) {
-            let replaces = self.edits_of(call, |what| matches!(what, What::Replace(_)));
-            return self.edit_code(call, replaces[inner], rec, Some(Original::Layer(call.clone(), rec, inner)));
-        }
-        let here = self.inside_node(call, rec);
-        let (plan, args) = match call.body {
-            Body::Plan(plan) => (Value::Imm(Imm::Function(plan)), None),
-            Body::Action => {
-                let (plan, args) = self.ground(&here, call)?;
-                (plan, Some(args))
+    fn layer(&mut self, call: &Rc<Call>, rec: usize, n: usize) -> Eval<'p> {
+        let here = self.at_node(call, rec);
+        self.form(&here, Part::Node(call.slot), |it, here| {
+            if let Some(inner) = n.checked_sub(1) {
+                let replaces = it.edits_of(call, |what| matches!(what, What::Replace(_)));
+                return it.edit_code(
+                    here,
+                    call,
+                    replaces[inner],
+                    Some(Original::Layer(call.clone(), rec, inner)),
+                );
             }
-        };
-        let ready = match args {
-            // The arguments of a plan's call are in the order of its parameters already.
-            None => match call.body {
+            let ready = match call.body {
                 Body::Plan(id) => {
-                    Ready { function: self.function(id), owner: self.owner(id), captured: Vec::new(), args: call.args.clone() }
+                    let args = call.args.clone();
+                    Ready {
+                        function: it.function(id),
+                        owner: it.owner(id),
+                        captured: Vec::new(),
+                        args,
+                        place: here.place.clone(),
+                    }
                 }
-                Body::Action => unreachable!("descriptions are grounded"),
-            },
-            Some(args) => match plan {
-                Value::Imm(Imm::Native(_)) => return Err(Exit::GiveUp("a description grounded to a native".into())),
-                _ => self.ready(&here, &plan, args)?,
-            },
-        };
-        self.run_function_in_node(&here, ready)
-    }
-
-    fn run_function_in_node(&mut self, here: &Here<'p>, ready: Ready<'p>) -> Eval<'p> {
-        // The node is the form; the function in it adds none.
-        self.node(here, |it, here| it.run_function(here, ready))
+                Body::Action => it.ground(here, &call.args[0])?,
+            };
+            it.run_function(here, ready)
+        })
     }
 
     /// What a description is performed by: a plan and its arguments.
-    fn ground(&mut self, here: &Here<'p>, call: &Call<'p>) -> Result<(Value, Vec<Value>), Exit<'p>> {
-        let desc = call.args[0].clone();
+    fn ground(&mut self, here: &Here, desc: &Value) -> Result<Ready<'p>, Exit<'p>> {
         let answer = match self.world.program().ground {
             None => Value::NIL,
             Some(ground) => {
@@ -495,17 +526,16 @@ impl<'p> Oracle<'p> {
             }
         };
         if answer.is_nil() {
-            let message = format!("no rule says which plan performs {}", vm::print::brief(&desc));
-            let fields = vec![("message", Value::str(message)), ("action", desc)];
+            let message = format!("no rule says which plan performs {}", vm::print::brief(desc));
+            let fields = vec![("message", Value::str(message)), ("action", desc.clone())];
             return self.raise(here, Box::new(Failure::with(Builtin::ActionNotGrounded, fields)));
         }
-        let parts = answer.to_vec().filter(|parts| !parts.is_empty());
-        let Some(mut parts) = parts else {
+        let parts = answer.to_vec().unwrap_or_default();
+        let [plan, args @ ..] = parts.as_slice() else {
             return self.raise(here, type_error("a list of a plan and its arguments from `ground`", &answer));
         };
-        self.run.tree.records[here.rec].grounded = Some(answer);
-        let plan = parts.remove(0);
-        Ok((plan, parts))
+        self.run.tree.records[here.rec].grounded = Some(answer.clone());
+        self.ready(here, plan, args.to_vec())
     }
 }
 

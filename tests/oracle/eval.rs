@@ -6,25 +6,25 @@
 
 use std::cell::RefCell;
 use std::collections::{BTreeMap, HashMap};
-use std::fmt::Write as _;
 use std::rc::Rc;
 
 use compiler::ast::{Callee, Clause, Expr, ExprKind, Function, VarId};
-use rustc_hash::FxHashMap;
-use vm::code::{FnId, GlobalId, SiteId};
+
+use vm::code::{FnId, GlobalId, NativeId, Params, SiteId};
 use vm::desc::{Desc, Match};
 use vm::failure::{Builtin, Failure, TypeId};
 use vm::host::{CodeRequest, Host, Request};
 use vm::key::{Element, Step};
-use vm::native::{Raise, map_key, type_error};
-use vm::tree::RecId;
+use vm::machine::{Ctx, CtxParts, Draws};
+use vm::native::{Effect, Next, Raise, map_key, type_error};
+
 use vm::value::{Imm, Map, Obj, Symbol, Value};
 
-use super::call::Original;
+use super::call::{Call, Original};
 use super::forms::{Part, Place};
-use super::obligations::Form;
+use super::obligations::{Form, Obligation, branches};
 use super::tree::Tree;
-use super::{MOST_DEPTH, Ran, Trees, World};
+use super::{MOST_DEPTH, MOST_FUEL, Ran, Trees, World};
 
 /// How control leaves an expression without a value.
 pub enum Exit<'p> {
@@ -32,8 +32,9 @@ pub enum Exit<'p> {
     Fail(Value),
     /// `(retry)`, on its way to its handler.
     Retry,
-    /// `(propagate)`, on its way to its handler.
-    Propagate,
+    /// `(propagate)`: the failure that is being handled, on its way to its clause. Handlers on this
+    /// way do not see it, no more than they see `(retry)`.
+    Propagate(Value),
     /// `(return v)`, on its way to the innermost loop or handler.
     Return(Value),
     /// The function goes on as this one.
@@ -45,8 +46,12 @@ pub enum Exit<'p> {
 /// A function with all that its call needs.
 pub struct Ready<'p> {
     pub function: &'p Function,
+    /// Its number, where the compiler has given it one.
+    pub owner: Option<FnId>,
     pub captured: Vec<Value>,
     pub args: Vec<Value>,
+    /// Where it is called.
+    pub place: Place,
 }
 
 pub type Eval<'p> = Result<Value, Exit<'p>>;
@@ -101,7 +106,8 @@ impl Way {
         Way(Some(Rc::new((step, self.clone()))))
     }
     pub fn steps(&self) -> Vec<Step> {
-        let mut steps: Vec<Step> = std::iter::successors(self.0.as_ref(), |it| it.1.0.as_ref()).map(|it| it.0.clone()).collect();
+        let mut steps: Vec<Step> =
+            std::iter::successors(self.0.as_ref(), |it| it.1.0.as_ref()).map(|it| it.0.clone()).collect();
         steps.reverse();
         steps
     }
@@ -109,7 +115,7 @@ impl Way {
 
 /// What an expression can see and where it stands.
 #[derive(Clone)]
-pub struct Here<'p> {
+pub struct Here {
     pub env: Env,
     /// The record that calls belong to.
     pub rec: usize,
@@ -117,17 +123,29 @@ pub struct Here<'p> {
     pub way: Way,
     /// The forms around.
     pub place: Place,
+    /// The first form of the function that it belongs to, as a position on the stack.
+    pub function_form: usize,
     /// What `(original)` runs, in the code of an edit.
-    pub original: Option<Original<'p>>,
+    pub original: Option<Original>,
+    /// The failure that the innermost clause around handles.
+    pub handled: Option<Value>,
     /// The function that the code belongs to, where it has a number.
     pub owner: Option<FnId>,
+}
+
+impl Here {
+    /// The outermost place of a run.
+    pub fn root(owner: Option<FnId>) -> Self {
+        let (env, way, place) = (Env::default(), Way::default(), Place::default());
+        Here { env, rec: 0, way, place, function_form: 0, original: None, handled: None, owner }
+    }
 }
 
 /// A handler whose body is being done.
 #[derive(Clone)]
 pub struct Handler<'p> {
     pub clauses: &'p [Clause],
-    pub here: Here<'p>,
+    pub here: Here,
 }
 
 /// A tree being grown.
@@ -136,15 +154,28 @@ pub struct Run<'p> {
     /// The task clock, in nanoseconds.
     pub now: u64,
     /// The forms that are being done, outermost first.
-    pub forms: Vec<Form<'p>>,
+    pub forms: Vec<Form>,
+    /// What they owe, in the order of its making.
+    pub obligations: Vec<Obligation<'p>>,
+    /// The bodies of records that are being done, outermost first.
+    pub bodies: Vec<(usize, Rc<Call>)>,
     /// The handlers around what is being done, outermost first.
     pub handlers: Vec<Handler<'p>>,
-    pub draws: FxHashMap<RecId, u64>,
+    pub draws: Draws,
 }
 
 impl Run<'_> {
     pub fn new(tree: Tree) -> Self {
-        Run { tree, now: 0, forms: vec![Form::default()], handlers: Vec::new(), draws: FxHashMap::default() }
+        let (obligations, bodies, handlers) = (Vec::new(), Vec::new(), Vec::new());
+        Run {
+            tree,
+            now: 0,
+            forms: vec![Form::default()],
+            obligations,
+            bodies,
+            handlers,
+            draws: Draws::default(),
+        }
     }
 }
 
@@ -182,16 +213,22 @@ pub struct Oracle<'p> {
     output: Output,
     /// Fuel used in this round.
     in_round: u64,
+    /// Fuel used.
+    fuel: u64,
     printed: usize,
     fresh: u64,
     depth: usize,
     /// Call sites, known by the address of their expression, with what stands for them in draws.
     sites: HashMap<usize, SiteId>,
-    site_hashes: Vec<u64>,
+    pub site_hashes: Vec<u64>,
 }
 
 impl<'p> Oracle<'p> {
-    pub fn new(world: &'p mut dyn World, functions: &'p BTreeMap<FnId, Rc<Function>>, seed: u64) -> Oracle<'p> {
+    pub fn new(
+        world: &'p mut dyn World,
+        functions: &'p BTreeMap<FnId, Rc<Function>>,
+        seed: u64,
+    ) -> Oracle<'p> {
         Oracle {
             world,
             functions,
@@ -202,6 +239,7 @@ impl<'p> Oracle<'p> {
             globals: BTreeMap::new(),
             output: Output::default(),
             in_round: 0,
+            fuel: 0,
             printed: 0,
             fresh: 0,
             depth: 0,
@@ -211,19 +249,13 @@ impl<'p> Oracle<'p> {
         }
     }
 
-    /// Runs functions without arguments one after another, until one fails.
-    pub fn run(mut self, start: &[FnId]) -> Result<Ran, String> {
+    /// Runs functions without arguments one after another, until one fails: those of the library,
+    /// then those of the program.
+    pub fn run(mut self, library: &[FnId], start: &[FnId]) -> Result<Ran, String> {
         let mut outcome = Ok(Value::NIL);
-        for id in start {
+        for id in library.iter().chain(start) {
             let function = self.function(*id);
-            let root = Here {
-                env: Env::default(),
-                rec: 0,
-                way: Way::default(),
-                place: Place::default(),
-                original: None,
-                owner: Some(*id),
-            };
+            let root = Here::root(Some(*id));
             outcome = match self.body_of(&root, function, Vec::new(), Vec::new()) {
                 Ok(value) => Ok(value),
                 Err(Exit::Fail(failure)) => Err(failure),
@@ -233,6 +265,9 @@ impl<'p> Oracle<'p> {
             if outcome.is_err() {
                 break;
             }
+        }
+        if start.is_empty() {
+            outcome = Ok(Value::NIL);
         }
         let (status, value) = match &outcome {
             Ok(value) => (vm::tree::Status::Succeeded, value.clone()),
@@ -251,34 +286,50 @@ impl<'p> Oracle<'p> {
         }
     }
 
+    /// The number of a function, unless the oracle gave it.
+    pub fn owner(&self, id: FnId) -> Option<FnId> {
+        (id.0 < FIRST_LAMBDA).then_some(id)
+    }
+
     /// A unit of fuel. The clock moves when a round has used up its own and wants more.
-    pub fn burn(&mut self) {
+    pub fn burn(&mut self) -> Result<(), Exit<'p>> {
+        self.fuel += 1;
+        if self.fuel > MOST_FUEL {
+            return Err(Exit::GiveUp("the program runs too long for the oracle".into()));
+        }
         if self.in_round == QUANTUM {
             self.in_round = 0;
             self.run.now += QUANTUM_NS;
         }
         self.in_round += 1;
+        Ok(())
     }
 
     /// Raises a failure at a place.
-    pub fn raise<T>(&self, here: &Here<'p>, raise: Raise) -> Result<T, Exit<'p>> {
+    #[expect(clippy::boxed_local, reason = "natives raise boxed failures")]
+    pub fn raise<T>(&self, here: &Here, raise: Raise) -> Result<T, Exit<'p>> {
         Err(Exit::Fail(self.raised(here, *raise)))
     }
 
-    fn raised(&self, here: &Here<'p>, mut failure: Failure) -> Value {
+    fn raised(&self, here: &Here, mut failure: Failure) -> Value {
         let slot = self.run.tree.records[here.rec].slot;
-        failure.task.get_or_insert_with(|| self.run.tree.path(slot).show().into());
+        failure.task.get_or_insert_with(|| {
+            std::rc::Rc::new(vm::failure::Task::of_path(&self.run.tree.path(slot).show()))
+        });
         Value::failure(failure)
     }
 
     // ------------------------------------------------------------------ expressions
 
     /// The value of an expression, which is a form of its own.
-    pub fn eval(&mut self, here: &Here<'p>, expr: &'p Expr, usage: Use) -> Eval<'p> {
-        self.form(here, Part::Expr(address(expr)), |it, here| it.eval_kind(here, expr, usage))
+    pub fn eval(&mut self, here: &Here, expr: &'p Expr, usage: Use) -> Eval<'p> {
+        self.form(here, Part::Expr(address(expr)), |it, here| {
+            it.branches(&branches(expr));
+            it.eval_kind(here, expr, usage)
+        })
     }
 
-    fn eval_kind(&mut self, here: &Here<'p>, expr: &'p Expr, usage: Use) -> Eval<'p> {
+    fn eval_kind(&mut self, here: &Here, expr: &'p Expr, usage: Use) -> Eval<'p> {
         match &expr.kind {
             ExprKind::Const(value) => Ok(value.clone()),
             ExprKind::Var(var) => Ok(here.env.get(*var)),
@@ -323,16 +374,30 @@ impl<'p> Oracle<'p> {
             ExprKind::While(test, body) => self.while_(here, test, body),
             ExprKind::Dolist { var, list, body, result } => {
                 let over = self.value(here, list)?;
-                match self.rounds(here, *var, elements(&over), body)? {
-                    Some(returned) => Ok(returned),
+                let (items, bad_end) = elements(&over);
+                let keys = round_keys(&items);
+                let rounds = items.into_iter().zip(keys.clone());
+                if let Some(returned) = self.rounds(here, *var, rounds, Rc::new(keys), body)? {
+                    return Ok(returned);
+                }
+                match bad_end {
+                    Some(raise) => self.raise(here, raise),
                     None => self.eval(here, result, usage.no_tail()),
                 }
             }
             ExprKind::Dotimes { var, count, body, result } => {
                 let count = self.value(here, count)?;
-                let Some(count) = count.as_int() else { return self.raise(here, type_error("an integer", &count)) };
-                let numbers = (0..count).map(Value::int).collect();
-                match self.rounds(here, *var, (numbers, None), body)? {
+                let Some(count) = count.as_int() else {
+                    return self.raise(here, type_error("an integer", &count));
+                };
+                let rounds =
+                    (0..count).map(|number| (Value::int(number), Step::Round(Element::Int(number), 0)));
+                let keys = Rc::new(if self.is_edited() {
+                    rounds.clone().map(|(_, key)| key).collect()
+                } else {
+                    Vec::new()
+                });
+                match self.rounds(here, *var, rounds, keys, body)? {
                     Some(returned) => Ok(returned),
                     None => self.eval(here, result, usage.no_tail()),
                 }
@@ -342,7 +407,7 @@ impl<'p> Oracle<'p> {
             ExprKind::Perform(desc, goal) => self.perform_expr(here, expr, desc, goal.as_deref(), usage),
             ExprKind::Handle(clauses, body) => self.handle(here, clauses, body, usage.no_tail()),
             ExprKind::Retry => Err(Exit::Retry),
-            ExprKind::Propagate => Err(Exit::Propagate),
+            ExprKind::Propagate => Err(Exit::Propagate(here.handled.clone().expect("it stands in a clause"))),
             ExprKind::Return(value) => Err(Exit::Return(self.value(here, value)?)),
             ExprKind::Fail(kind, fields) => {
                 let failure = self.failure(here, *kind, fields)?;
@@ -396,7 +461,8 @@ impl<'p> Oracle<'p> {
             ExprKind::Matches(mode, pattern, value) => {
                 let name = if *mode == Match::Open { "%matches" } else { "%==" };
                 let args = vec![self.value(here, pattern)?, self.value(here, value)?];
-                let native = self.world.program().native(name).expect("the library has what special forms need");
+                let native =
+                    self.world.program().native(name).expect("the library has what special forms need");
                 self.native(here, expr, native, args, usage)
             }
             ExprKind::Original => self.original(here),
@@ -404,16 +470,16 @@ impl<'p> Oracle<'p> {
     }
 
     /// The value of an expression that something looks at.
-    pub fn value(&mut self, here: &Here<'p>, expr: &'p Expr) -> Eval<'p> {
+    pub fn value(&mut self, here: &Here, expr: &'p Expr) -> Eval<'p> {
         self.eval(here, expr, Use::Value)
     }
 
-    fn values(&mut self, here: &Here<'p>, exprs: &'p [Expr]) -> Result<Vec<Value>, Exit<'p>> {
+    fn values(&mut self, here: &Here, exprs: &'p [Expr]) -> Result<Vec<Value>, Exit<'p>> {
         exprs.iter().map(|expr| self.value(here, expr)).collect()
     }
 
     /// Several expressions; the value is that of the last.
-    pub fn body(&mut self, here: &Here<'p>, body: &'p [Expr], usage: Use) -> Eval<'p> {
+    pub fn body(&mut self, here: &Here, body: &'p [Expr], usage: Use) -> Eval<'p> {
         let Some((last, first)) = body.split_last() else { return Ok(Value::NIL) };
         for expr in first {
             self.eval(here, expr, Use::Effect)?;
@@ -421,7 +487,7 @@ impl<'p> Oracle<'p> {
         self.eval(here, last, usage)
     }
 
-    fn and_or(&mut self, here: &Here<'p>, parts: &'p [Expr], usage: Use, ends: fn(&Value) -> bool) -> Eval<'p> {
+    fn and_or(&mut self, here: &Here, parts: &'p [Expr], usage: Use, ends: fn(&Value) -> bool) -> Eval<'p> {
         let Some((last, first)) = parts.split_last() else { return Ok(Value::NIL) };
         for part in first {
             let value = self.value(here, part)?;
@@ -429,11 +495,10 @@ impl<'p> Oracle<'p> {
                 return Ok(value);
             }
         }
-        // What is looked at inside a connective is looked at.
-        self.eval(here, last, if usage == Use::Tail { Use::Tail } else { Use::Value })
+        self.eval(here, last, usage)
     }
 
-    fn lambda(&mut self, here: &Here<'p>, function: &'p Function) -> Value {
+    pub fn lambda(&mut self, here: &Here, function: &'p Function) -> Value {
         let known = self.lambdas.iter().position(|known| std::ptr::eq(*known, function));
         let at = known.unwrap_or_else(|| {
             self.lambdas.push(function);
@@ -447,16 +512,11 @@ impl<'p> Oracle<'p> {
         }
     }
 
-    /// The value of a goal's function.
-    pub fn goal(&mut self, here: &Here<'p>, function: &'p Function) -> Value {
-        self.lambda(here, function)
-    }
-
     // ------------------------------------------------------------------ loops
 
-    fn while_(&mut self, here: &Here<'p>, test: &'p Expr, body: &'p [Expr]) -> Eval<'p> {
-        for turn in 0.. {
-            let round = self.form(here, Part::Turn(turn), |it, here| {
+    fn while_(&mut self, here: &Here, test: &'p Expr, body: &'p [Expr]) -> Eval<'p> {
+        loop {
+            let round = self.form(here, Part::Turn, |it, here| {
                 let more = it.value(here, test)?.is_true();
                 if more {
                     it.body(here, body, Use::Effect)?;
@@ -464,40 +524,44 @@ impl<'p> Oracle<'p> {
                 Ok(Value::bool(more))
             });
             match round {
-                Ok(more) if more.is_true() => self.burn(),
-                Ok(_) => break,
+                Ok(more) if more.is_true() => self.burn()?,
+                Ok(_) => return Ok(Value::NIL),
                 Err(Exit::Return(value)) => return Ok(value),
                 Err(exit) => return Err(exit),
             }
         }
-        Ok(Value::NIL)
     }
 
     /// The rounds of a loop over elements. The value if `(return v)` left it.
     fn rounds(
         &mut self,
-        here: &Here<'p>,
+        here: &Here,
         var: VarId,
-        (items, bad_end): (Vec<Value>, Option<Raise>),
+        rounds: impl Iterator<Item = (Value, Step)>,
+        keys: Rc<Vec<Step>>,
         body: &'p [Expr],
     ) -> Result<Option<Value>, Exit<'p>> {
-        let steps = round_keys(&items);
-        self.set_ahead(steps.clone());
-        for (at, (item, step)) in items.into_iter().zip(&steps).enumerate() {
-            self.pass(at);
-            let inner = Here { env: here.env.bind(var, item), way: here.way.then(step.clone()), ..here.clone() };
-            match self.form(&inner, Part::Round(step.clone()), |it, here| it.body(here, body, Use::Effect)) {
-                Ok(_) => self.burn(),
+        for (at, (item, key)) in rounds.enumerate() {
+            self.round_begins(&keys, at);
+            let inner =
+                Here { env: here.env.bind(var, item), way: here.way.then(key.clone()), ..here.clone() };
+            match self.form(&inner, Part::Round(key), |it, here| it.body(here, body, Use::Effect)) {
+                Ok(_) => self.burn()?,
                 Err(Exit::Return(value)) => return Ok(Some(value)),
                 Err(exit) => return Err(exit),
             }
         }
-        bad_end.map_or(Ok(None), |raise| self.raise(here, raise))
+        Ok(None)
     }
 
     // ------------------------------------------------------------------ failures
 
-    fn failure(&mut self, here: &Here<'p>, kind: TypeId, fields: &'p [(Symbol, Expr)]) -> Result<Failure, Exit<'p>> {
+    fn failure(
+        &mut self,
+        here: &Here,
+        kind: TypeId,
+        fields: &'p [(Symbol, Expr)],
+    ) -> Result<Failure, Exit<'p>> {
         let mut failure = Failure::new(Builtin::Failure, "");
         failure.kind = kind;
         failure.name = self.world.program().failures.get(kind).expect("the compiler knows the types").name;
@@ -508,7 +572,7 @@ impl<'p> Oracle<'p> {
         Ok(failure)
     }
 
-    fn handle(&mut self, here: &Here<'p>, clauses: &'p [Clause], body: &'p [Expr], usage: Use) -> Eval<'p> {
+    fn handle(&mut self, here: &Here, clauses: &'p [Clause], body: &'p [Expr], usage: Use) -> Eval<'p> {
         loop {
             let counts = self.run.tree.records[here.rec].counts.clone();
             self.run.handlers.push(Handler { clauses, here: here.clone() });
@@ -517,7 +581,11 @@ impl<'p> Oracle<'p> {
             let Err(Exit::Fail(failure)) = result else { return result };
             match self.take(here, clauses, failure)? {
                 Some(value) => return Ok(value),
-                None => self.run.tree.records[here.rec].counts = counts,
+                None => {
+                    // Back to the beginning of the body.
+                    self.burn()?;
+                    self.run.tree.records[here.rec].counts = counts;
+                }
             }
         }
     }
@@ -526,7 +594,7 @@ impl<'p> Oracle<'p> {
     /// `(return v)`; without a clause, at its end or by `(propagate)` the failure goes on.
     pub fn take(
         &mut self,
-        here: &Here<'p>,
+        here: &Here,
         clauses: &'p [Clause],
         failure: Value,
     ) -> Result<Option<Value>, Exit<'p>> {
@@ -535,12 +603,13 @@ impl<'p> Oracle<'p> {
         let takes = |clause: &Clause| clause.kinds.iter().any(|of| types.is_a(kind, *of));
         let Some(at) = clauses.iter().position(takes) else { return Err(Exit::Fail(failure)) };
         let clause = &clauses[at];
-        let mut inner = here.clone();
+        let mut inner = Here { handled: Some(failure.clone()), ..here.clone() };
         if let Some(var) = clause.var {
             inner.env = inner.env.bind(var, failure.clone());
         }
         match self.form(&inner, Part::Clause(at), |it, here| it.body(here, &clause.body, Use::Effect)) {
-            Ok(_) | Err(Exit::Propagate) => Err(Exit::Fail(failure)),
+            Ok(_) => Err(Exit::Fail(failure)),
+            Err(Exit::Propagate(failure)) => Err(Exit::Fail(failure)),
             Err(Exit::Retry) => Ok(None),
             Err(Exit::Return(value)) => Ok(Some(value)),
             Err(Exit::Fail(new)) => Err(Exit::Fail(caused_by(&new, &failure))),
@@ -548,7 +617,7 @@ impl<'p> Oracle<'p> {
         }
     }
 
-    fn protect(&mut self, here: &Here<'p>, body: &'p Expr, cleanup: &'p [Expr], usage: Use) -> Eval<'p> {
+    fn protect(&mut self, here: &Here, body: &'p Expr, cleanup: &'p [Expr], usage: Use) -> Eval<'p> {
         let result = self.eval(here, body, usage);
         if let Err(Exit::GiveUp(_)) = result {
             return result;
@@ -556,7 +625,12 @@ impl<'p> Oracle<'p> {
         let cleaned = self.form(here, Part::CleanUp, |it, here| it.body(here, cleanup, Use::Effect));
         match (result, cleaned) {
             (result, Ok(_)) => result,
-            (Err(Exit::Fail(failure)), Err(Exit::Fail(other))) => Err(Exit::Fail(with_also(&failure, other))),
+            (Err(Exit::Fail(failure)), Err(Exit::Fail(other) | Exit::Propagate(other))) => {
+                Err(Exit::Fail(with_also(&failure, other)))
+            }
+            (Err(Exit::Propagate(failure)), Err(Exit::Fail(other) | Exit::Propagate(other))) => {
+                Err(Exit::Propagate(with_also(&failure, other)))
+            }
             (_, Err(exit)) => Err(exit),
         }
     }
@@ -564,7 +638,7 @@ impl<'p> Oracle<'p> {
     // ------------------------------------------------------------------ sites
 
     /// The number of a call.
-    pub fn site(&mut self, here: &Here<'p>, expr: &'p Expr, name: Symbol) -> SiteId {
+    pub fn site(&mut self, here: &Here, expr: &'p Expr, name: Symbol) -> SiteId {
         let next = SiteId(self.site_hashes.len() as u32);
         let known = *self.sites.entry(address(expr)).or_insert(next);
         if known == next {
@@ -575,10 +649,11 @@ impl<'p> Oracle<'p> {
     }
 
     /// What stands for a call in keyed draws: it has no meaning, so the machine's is taken.
-    fn site_hash(&self, here: &Here<'p>, expr: &'p Expr, name: Symbol) -> u64 {
+    fn site_hash(&self, here: &Here, expr: &'p Expr, name: Symbol) -> u64 {
         let program = self.world.program();
         let owner = here.owner.map(|owner| &program.functions[owner.at()]);
-        let sites = owner.map_or(&program.sites[..], |it| &program.sites[it.sites.start as usize..it.sites.end as usize]);
+        let sites = owner
+            .map_or(&program.sites[..], |it| &program.sites[it.sites.start as usize..it.sites.end as usize]);
         let at = (expr.span.file.0, expr.span.start, expr.span.end);
         let here = |site: &&vm::code::Site| {
             let place = program.places[site.pc.at()];
@@ -587,39 +662,30 @@ impl<'p> Oracle<'p> {
         sites.iter().find(here).map_or(0, |site| site.hash)
     }
 
-    pub fn hash_of(&self, site: SiteId) -> u64 {
-        self.site_hashes[site.at()]
-    }
-
-    pub fn hashes(&self) -> Vec<u64> {
-        self.site_hashes.clone()
-    }
-
     // ------------------------------------------------------------------ natives
 
     /// What a native answers.
-    pub fn ask_native(&mut self, here: &Here<'p>, at: usize, args: &[Value]) -> Result<vm::native::Next, Raise> {
+    pub fn ask_native(&mut self, here: &Here, native: NativeId, args: &[Value]) -> Result<Next, Raise> {
         let program = self.world.program();
-        let native = &program.natives[at];
+        let native = &program.natives[native.at()];
         let (least, most) = native.arity;
         if args.len() < usize::from(least) || most.is_some_and(|most| args.len() > usize::from(most)) {
-            let mut takes = String::new();
-            let _ = match most {
-                Some(most) if most == least => write!(takes, "{least}"),
-                Some(most) => write!(takes, "{least} to {most}"),
-                None => write!(takes, "at least {least}"),
+            let takes = match most {
+                Some(most) if most == least => format!("{least}"),
+                Some(most) => format!("{least} to {most}"),
+                None => format!("at least {least}"),
             };
             let message = format!("`{}` takes {takes} arguments, got {}", native.name, args.len());
             return Err(Box::new(Failure::new(Builtin::ArityError, message)));
         }
-        if native.effect != vm::native::Effect::Pure {
+        if native.effect != Effect::Pure {
             let effect = native.effect.name();
-            let message = format!("`{}` needs the grant `{effect}`, which this run does not have", native.name);
+            let message =
+                format!("`{}` needs the grant `{effect}`, which this run does not have", native.name);
             let fields = vec![("message", Value::str(message)), ("effect", Value::symbol(effect))];
             return Err(Box::new(Failure::with(Builtin::NotAllowed, fields)));
         }
-        let run = native.run;
-        let mut ctx = vm::machine::Ctx::new(vm::machine::CtxParts {
+        let mut ctx = Ctx::new(CtxParts {
             program,
             tree: &self.run.tree.mirror,
             rec: self.run.tree.records[here.rec].mirror,
@@ -631,7 +697,7 @@ impl<'p> Oracle<'p> {
             output_limit: usize::MAX,
             host: &mut self.output,
         });
-        run(&mut ctx, args)
+        (native.run)(&mut ctx, args)
     }
 
     /// Goes one call deeper, if the stack has room.
@@ -645,10 +711,20 @@ impl<'p> Oracle<'p> {
         result
     }
 
-    /// The arguments of a call of a function of the program, in the order of the text.
-    pub fn arguments(&mut self, here: &Here<'p>, args: &'p [Option<Expr>]) -> Result<Vec<Value>, Exit<'p>> {
-        let mut order: Vec<usize> = (0..args.len()).filter(|at| args[*at].is_some()).collect();
-        order.sort_by_key(|at| args[*at].as_ref().map(|arg| arg.span.start));
+    /// The arguments of a call of a function of the program, in the order of the text: keywords may
+    /// stand in another order than the parameters.
+    fn arguments(
+        &mut self,
+        here: &Here,
+        args: &'p [Option<Expr>],
+        params: Option<&Params>,
+    ) -> Result<Vec<Value>, Exit<'p>> {
+        let mut order: Vec<usize> = (0..args.len()).collect();
+        if let Some(params) = params {
+            let first = usize::from(params.required) + usize::from(params.optional);
+            let keys = &mut order[first..first + usize::from(params.keys)];
+            keys.sort_by_key(|at| args[*at].as_ref().map(|arg| arg.span.start));
+        }
         let mut values = vec![Value::UNSET; args.len()];
         for at in order {
             if let Some(arg) = &args[at] {
@@ -660,7 +736,7 @@ impl<'p> Oracle<'p> {
 
     fn call_expr(
         &mut self,
-        here: &Here<'p>,
+        here: &Here,
         expr: &'p Expr,
         callee: &'p Callee,
         args: &'p [Option<Expr>],
@@ -668,20 +744,27 @@ impl<'p> Oracle<'p> {
     ) -> Eval<'p> {
         match callee {
             Callee::Function(id) => {
-                let args = self.arguments(here, args)?;
+                let args = self.arguments(here, args, Some(&self.function(*id).params))?;
                 let name = self.world.program().functions[id.at()].name;
-                self.burn();
-                let ready = Ready { function: self.function(*id), captured: Vec::new(), args };
-                self.call_function(here, expr, name, Some(*id), ready, usage)
+                self.burn()?;
+                let function = self.function(*id);
+                let ready = Ready {
+                    function,
+                    owner: Some(*id),
+                    captured: Vec::new(),
+                    args,
+                    place: here.place.clone(),
+                };
+                self.call_function(here, expr, name, ready, usage)
             }
             Callee::Plan(id) => {
-                let args = self.arguments(here, args)?;
+                let args = self.arguments(here, args, Some(&self.function(*id).params))?;
                 let name = self.world.program().functions[id.at()].name;
-                self.burn();
+                self.burn()?;
                 self.call_plan(here, expr, name, *id, args, false, usage)
             }
             Callee::Native(native) => {
-                let args = self.arguments(here, args)?;
+                let args = self.arguments(here, args, None)?;
                 self.native(here, expr, *native, args, usage)
             }
             Callee::Value(callee) => {
@@ -690,8 +773,8 @@ impl<'p> Oracle<'p> {
                     _ => Symbol::from("call"),
                 };
                 let callee = self.value(here, callee)?;
-                let args = self.arguments(here, args)?;
-                self.burn();
+                let args = self.arguments(here, args, None)?;
+                self.burn()?;
                 self.call_value(here, expr, name, &callee, args, usage)
             }
         }
@@ -723,33 +806,39 @@ fn elements(over: &Value) -> (Vec<Value>, Option<Raise>) {
 /// The keys of the rounds: the element and its rank among equal ones before it, or the number of
 /// the round for what cannot be stored.
 fn round_keys(items: &[Value]) -> Vec<Step> {
-    let elements: Vec<Option<Element>> = items.iter().map(Element::of).collect();
-    let key = |at: usize| match &elements[at] {
+    let mut seen: HashMap<Element, u32> = HashMap::new();
+    let key = |(at, item)| match Element::of(item) {
         Some(element) => {
-            let rank = elements[..at].iter().flatten().filter(|other| *other == element).count();
-            Step::Round(element.clone(), rank as u32)
+            let rank = seen.entry(element.clone()).or_insert(0);
+            *rank += 1;
+            Step::Round(element, *rank - 1)
         }
         None => Step::Number(at as u32 + 1),
     };
-    (0..items.len()).map(key).collect()
+    items.iter().enumerate().map(key).collect()
 }
 
 /// A failure that left a clause: what was being handled is its first cause.
 fn caused_by(failure: &Value, handled: &Value) -> Value {
-    let Some(it) = failure.as_failure() else { return failure.clone() };
-    if failure.identical(handled) {
+    let causes = std::iter::successors(failure.as_failure(), |it| it.cause.as_ref()?.as_failure());
+    if handled.as_failure().is_some_and(|handled| causes.into_iter().any(|it| it.is_same_event(handled))) {
         return failure.clone();
     }
-    let cause = match &it.cause {
-        Some(cause) => caused_by(cause, handled),
-        None => handled.clone(),
-    };
+    add_cause(failure, handled)
+}
+
+fn add_cause(failure: &Value, first: &Value) -> Value {
+    let Some(it) = failure.as_failure() else { return failure.clone() };
+    let cause = it.cause.as_ref().map_or_else(|| first.clone(), |cause| add_cause(cause, first));
     Value::failure(Failure { cause: Some(cause), ..it.clone() })
 }
 
 /// A failure, with another one that came after it.
 pub fn with_also(failure: &Value, other: Value) -> Value {
-    let Some(it) = failure.as_failure() else { return other };
+    let (Some(it), Some(beside)) = (failure.as_failure(), other.as_failure()) else { return failure.clone() };
+    if it.is_same_event(beside) {
+        return failure.clone();
+    }
     let mut it = it.clone();
     it.also.push(other);
     Value::failure(it)

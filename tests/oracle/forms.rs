@@ -14,10 +14,10 @@ pub enum Part {
     Expr(usize),
     /// A round of a loop over elements or numbers.
     Round(Step),
-    /// A round of another loop.
-    Turn(u32),
-    /// The body of the n-th function that a call ran: tail calls come one after another.
-    Body(u32),
+    /// A round of another loop: its rounds are one place.
+    Turn,
+    /// The body of a function that is called.
+    Body,
     /// The body of `with-failure-handling`.
     Guarded,
     /// One of its clauses.
@@ -34,15 +34,21 @@ pub enum Part {
 #[derive(Clone, Default)]
 pub struct Place(Option<Rc<(Part, Place)>>);
 
+/// Tail calls may make it long.
+impl Drop for Place {
+    fn drop(&mut self) {
+        let mut next = self.0.take();
+        while let Some(it) = next {
+            next = Rc::try_unwrap(it).ok().and_then(|mut it| it.1.0.take());
+        }
+    }
+}
+
 impl Place {
     /// A part of this.
     #[must_use]
     pub fn inside(&self, part: Part) -> Place {
         Place(Some(Rc::new((part, self.clone()))))
-    }
-    /// The innermost part.
-    pub fn part(&self) -> Option<&Part> {
-        self.0.as_ref().map(|it| &it.0)
     }
     /// All parts, from the root.
     pub fn parts(&self) -> Vec<Part> {

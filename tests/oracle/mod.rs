@@ -9,12 +9,14 @@
 //! [`tree`], [`edits`], [`obligations`] (`defer` and `owe`). [`text`] writes both trees in one way;
 //! [`random`] makes programs; [`shrink`] makes a program smaller that tells the two apart.
 
+pub mod both;
 mod call;
 mod edits;
 mod eval;
 mod forms;
 mod obligations;
 pub mod random;
+pub mod seeds;
 pub mod shrink;
 pub mod text;
 mod tree;
@@ -24,6 +26,7 @@ use std::rc::Rc;
 
 use compiler::ast::Function;
 use vm::code::{FnId, Program};
+use vm::host::CodeRequest;
 use vm::value::Value;
 
 pub use eval::Oracle;
@@ -33,11 +36,11 @@ pub use tree::Tree;
 pub trait World {
     /// Its natives, its types of failures, the names of its functions.
     fn program(&self) -> &Program;
-    /// The code of an edit, for a plan with these parameters.
+    /// The code of an edit.
     ///
     /// # Errors
     /// What is wrong with it, as text.
-    fn compile(&mut self, form: &Value, plan: FnId, original: bool) -> Result<(FnId, Rc<Function>), String>;
+    fn compile(&mut self, code: &CodeRequest<'_>) -> Result<(FnId, Rc<Function>), String>;
 }
 
 /// What a run came to.
@@ -54,22 +57,27 @@ pub struct Ran {
 /// The oracle's tree for each tree that is a value.
 pub type Trees = Vec<(Rc<vm::tree::Tree>, Rc<Tree>)>;
 
-/// How deep the walker may recurse before it gives up.
-const MOST_DEPTH: usize = 200_000;
+/// How much fuel a program may use, how many steps a key may have, and how deep the walker may
+/// recurse, before it gives up.
+const MOST_FUEL: u64 = 50_000;
+const MOST_STEPS: usize = 1000;
+const MOST_DEPTH: usize = 20_000;
 /// Enough for that.
-const STACK_BYTES: usize = 4 << 30;
+const STACK_BYTES: usize = 1 << 30;
 
-/// Runs functions without arguments one after another in one tree, until one fails.
+/// Runs functions without arguments one after another in one tree, until one fails: those that
+/// compute the constants of the library, then those of the program.
 ///
 /// # Errors
 /// What the oracle does not do: answers from outside, runs that meet a limit.
 pub fn run(
     world: &mut dyn World,
     functions: &BTreeMap<FnId, Rc<Function>>,
+    library: &[FnId],
     start: &[FnId],
     seed: u64,
 ) -> Result<Ran, String> {
-    Oracle::new(world, functions, seed).run(start)
+    Oracle::new(world, functions, seed).run(library, start)
 }
 
 /// Does `work` in a thread whose stack is large enough for [`run`].

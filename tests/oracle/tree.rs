@@ -10,7 +10,7 @@ use std::rc::Rc;
 use vm::code::{FnId, SiteId};
 use vm::key::{Chain, Key, Step};
 use vm::path::{Path, PathStep};
-use vm::tree::{NodeKind, ROOT, RecId, SlotId, Status, Why};
+use vm::tree::{Extra, NodeKind, ROOT, RecId, SlotId, Status, Why};
 use vm::value::{Symbol, Value};
 
 use super::edits::Accepted;
@@ -18,6 +18,9 @@ use super::forms::Place;
 
 /// What a place in a plan is called by its siblings: its call and the way to it.
 pub type FullKey = (SiteId, Vec<Step>);
+
+/// How often keys were called.
+pub type Counts = HashMap<FullKey, u32>;
 
 /// A place in a plan. The root is number 0.
 #[derive(Clone, Default)]
@@ -29,6 +32,8 @@ pub struct Slot {
     pub place: Place,
     /// The plan that was called here last; none for a description.
     pub plan: Option<FnId>,
+    /// The function that the call stands in, where it has a number.
+    pub home: Option<FnId>,
     /// True if the value of the call is used.
     pub value_used: bool,
     /// Numbers of the edits here.
@@ -38,6 +43,13 @@ pub struct Slot {
     /// The slots below it that this run reached, in the order of their first calls.
     pub children: Vec<usize>,
     mirror: SlotId,
+}
+
+impl Slot {
+    /// How often the same was called before.
+    pub fn occurrence(&self) -> u32 {
+        if let Some(Step::Again(n)) = self.key.1.last() { *n } else { 0 }
+    }
 }
 
 /// One run of a slot. The root's is number 0.
@@ -64,7 +76,7 @@ pub struct Record {
     /// The check of its goal has moved to an obligation.
     pub moved: bool,
     /// How often each key was called in it.
-    pub counts: HashMap<FullKey, u32>,
+    pub counts: Counts,
     pub mirror: RecId,
 }
 
@@ -74,6 +86,8 @@ pub struct Tree {
     pub slots: Vec<Slot>,
     pub records: Vec<Record>,
     pub edits: Vec<Rc<Accepted>>,
+    /// The rounds of the loops that this run came to.
+    pub loops: Vec<(Place, Rc<Vec<Step>>)>,
     by_key: HashMap<(usize, FullKey), usize>,
     pub mirror: vm::tree::Tree,
 }
@@ -82,11 +96,17 @@ impl Tree {
     /// A tree whose root runs, with the slots and edits of `start`.
     pub fn begin(start: Option<&Tree>) -> Tree {
         let mut tree = match start {
-            Some(start) => Tree { records: Vec::new(), mirror: start.mirror.for_next_run(), ..start.clone() },
+            Some(start) => Tree {
+                records: Vec::new(),
+                loops: Vec::new(),
+                mirror: start.mirror.for_next_run(),
+                ..start.clone()
+            },
             None => Tree {
                 slots: vec![Slot { name: Symbol::from("top-level"), mirror: ROOT, ..Slot::default() }],
                 records: Vec::new(),
                 edits: Vec::new(),
+                loops: Vec::new(),
                 by_key: HashMap::new(),
                 mirror: vm::tree::Tree::default(),
             },
@@ -102,7 +122,13 @@ impl Tree {
     }
 
     /// The slot with this key below that of a record, made if it is new.
-    pub fn slot(&mut self, parent: usize, key: FullKey, name: Symbol, site_hash: impl Fn(SiteId) -> u64) -> usize {
+    pub fn slot(
+        &mut self,
+        parent: usize,
+        key: FullKey,
+        name: Symbol,
+        site_hash: impl Fn(SiteId) -> u64,
+    ) -> usize {
         let above = self.records[parent].slot;
         if let Some(known) = self.by_key.get(&(above, key.clone())) {
             return *known;
@@ -128,10 +154,43 @@ impl Tree {
         }
         self.slots[slot].records.push(number);
         let attempt = self.slots[slot].records.len();
-        let mirror = self.mirror.enter(self.records[parent].mirror, self.slots[slot].mirror, kind, &args, now);
+        let mirror =
+            self.mirror.enter(self.records[parent].mirror, self.slots[slot].mirror, kind, &args, now);
         let (parent, status) = (Some(parent), Status::Running);
-        self.records.push(Record { slot, parent, attempt, kind, args, status, start: now, mirror, ..Record::default() });
+        self.records.push(Record {
+            slot,
+            parent,
+            attempt,
+            kind,
+            args,
+            status,
+            start: now,
+            mirror,
+            ..Record::default()
+        });
         number
+    }
+
+    /// A slot begins only now, after what edits have put before it: that is its place among its
+    /// siblings.
+    pub fn begins(&mut self, slot: usize) {
+        let parent = self.slots[slot].parent.expect("the root is not called");
+        self.slots[parent].children.retain(|child| *child != slot);
+        self.slots[parent].children.push(slot);
+        self.mirror.begins(self.slots[slot].mirror);
+    }
+
+    /// Lets the mirror show what has become of each record.
+    pub fn polish(&mut self) {
+        for record in &self.records {
+            let it = self.mirror.record_mut(record.mirror);
+            (it.why, it.start) = (record.why, record.start);
+            self.mirror.set_args(record.mirror, &record.args);
+            let performed_in = record.performed_in.map(|slot| self.slots[slot].mirror);
+            let (grounded, written, notes) =
+                (record.grounded.clone(), record.written.clone(), record.notes.clone());
+            *self.mirror.extra_mut(record.mirror) = Extra { grounded, written, performed_in, notes };
+        }
     }
 
     /// Makes a record final.
@@ -142,13 +201,29 @@ impl Tree {
         self.mirror.end(it.mirror, status, value, now);
     }
 
+    /// Adds an edit at a slot.
+    pub fn add_edit(&mut self, slot: usize, accepted: Accepted) {
+        let (edit, code) = (Rc::new(accepted.edit.clone()), accepted.code.map(|(id, _)| id));
+        let mirror = vm::edit::Accepted {
+            edit,
+            callee: accepted.callee,
+            code,
+            after: Vec::new(),
+            between: Default::default(),
+        };
+        self.mirror.add_edit(self.slots[slot].mirror, mirror);
+        self.slots[slot].edits.push(self.edits.len());
+        self.edits.push(Rc::new(accepted));
+    }
+
     /// The path of a slot that this run reached.
     pub fn path(&self, slot: usize) -> Path {
         let mut steps = Vec::new();
         let mut at = slot;
         while let Some(parent) = self.slots[at].parent {
             let name = self.slots[at].name;
-            let same_name = self.slots[parent].children.iter().filter(|other| self.slots[**other].name == name);
+            let same_name =
+                self.slots[parent].children.iter().filter(|other| self.slots[**other].name == name);
             let before = same_name.take_while(|other| **other != at).count();
             steps.push(PathStep { name, call: before as u32 + 1 });
             at = parent;
@@ -162,8 +237,9 @@ impl Tree {
         let from_root = path.steps.first().is_some_and(|step| step.name == "top-level");
         let mut at = 0;
         for step in path.steps.iter().skip(usize::from(from_root)) {
-            let same_name = self.slots[at].children.iter().filter(|child| self.slots[**child].name == step.name);
-            at = *same_name.skip(step.call.checked_sub(1)? as usize).next()?;
+            let mut same_name =
+                self.slots[at].children.iter().filter(|child| self.slots[**child].name == step.name);
+            at = *same_name.nth(step.call.checked_sub(1)? as usize)?;
         }
         Some(at)
     }

@@ -1,0 +1,497 @@
+//! Obligations: `defer` and `owe`. Numbers in brackets are those of SEMANTICS, section 4.
+//!
+//! Each form that is being done stands on a stack, with the parts of it that are over and with what
+//! it owes. A part that ends may make something due; a form that ends performs all that it owes.
+
+use std::rc::Rc;
+
+use compiler::ast::{Expr, ExprKind, Function};
+use vm::code::{FnId, SiteId};
+use vm::edit::What;
+use vm::key::Step;
+use vm::tree::{NodeKind, Status, Why};
+use vm::value::{Symbol, Value};
+
+use super::Tree;
+use super::call::Call;
+use super::eval::{Eval, Exit, Handler, Here, Oracle, Way, with_also};
+use super::forms::{Part, Place};
+
+/// A form that is being done.
+#[derive(Default)]
+pub struct Form {
+    place: Place,
+    /// The record whose code it is.
+    rec: usize,
+    /// Only the parts in one of these lists are done, as with the branches of `if`.
+    branches: Vec<Vec<Part>>,
+    /// The parts that are over.
+    ended: Vec<Part>,
+    /// The keys of a loop's rounds, and how many have begun.
+    rounds: Option<(Rc<Vec<Step>>, usize)>,
+    /// How many handlers are around it.
+    handlers: usize,
+    /// It stands for the form below it while that performs what it owes.
+    is_shadow: bool,
+}
+
+/// What a form owes.
+#[derive(Clone)]
+pub struct Obligation<'p> {
+    /// What is performed, with its record.
+    slot: usize,
+    rec: usize,
+    what: Owed,
+    /// The common form, as a position on the stack.
+    form: usize,
+    /// The slot that it waits for, and the part of the form that this is in.
+    after: usize,
+    side: Side,
+    /// Handlers that stood around the call below the form, outermost first. (4)
+    handlers: Vec<Handler<'p>>,
+    /// Calls whose goals are checked after it, innermost first. (6)
+    goals: Vec<(usize, Rc<Call>)>,
+}
+
+#[derive(Clone)]
+enum Owed {
+    /// A deferred call.
+    Call(Rc<Call>),
+    /// The code of an `owe`, with the number of its edit and the parameters of the plan that owes.
+    Code(FnId, &'static Function, usize, Vec<Value>),
+}
+
+#[derive(Clone, PartialEq)]
+enum Side {
+    /// A part of the common form.
+    Part(Part),
+    /// A later call at the same place: over when it has more records than these and the last is final.
+    Later(usize),
+    /// It is performed when the form ends.
+    Never,
+}
+
+/// A slot that a call waits for, as it was when the edit was made.
+#[derive(Clone)]
+pub struct Awaited {
+    pub slot: usize,
+    /// Where it was called.
+    place: Place,
+    /// When it was called first.
+    order: usize,
+    /// The rounds between the two, if a loop tells them apart.
+    between: Option<Vec<Step>>,
+}
+
+impl Awaited {
+    pub fn of(tree: &Tree, from: usize, slot: usize) -> Awaited {
+        let (mine, theirs) = (&tree.slots[from].place, &tree.slots[slot].place);
+        let order = tree.slots[slot].records.first().copied().unwrap_or(0);
+        Awaited { slot, place: theirs.clone(), order, between: between(tree, mine, theirs) }
+    }
+}
+
+/// The keys of the rounds between those of two places, in the loop that tells them apart. (3)
+fn between(tree: &Tree, mine: &Place, theirs: &Place) -> Option<Vec<Step>> {
+    let (mine, theirs) = (mine.parts(), theirs.parts());
+    let at = mine.iter().zip(&theirs).position(|(a, b)| a != b)?;
+    let (Part::Round(first), Part::Round(last)) = (&mine[at], &theirs[at]) else { return None };
+    let keys = tree.loops.iter().rev().find(|(place, _)| place.parts() == mine[..at])?.1.clone();
+    let position = |key: &Step| keys.iter().position(|it| it == key);
+    Some(keys.get(position(first)? + 1..position(last)?).unwrap_or_default().to_vec())
+}
+
+/// Refuses a `defer` by which calls would wait for each other. (7)
+pub fn check_cycle(tree: &Tree, slot: usize, after: &[Awaited]) -> Result<(), String> {
+    let mut todo: Vec<usize> = after.iter().map(|it| it.slot).collect();
+    let mut seen = Vec::new();
+    while let Some(at) = todo.pop() {
+        if at == slot {
+            return Err("calls would wait for each other".into());
+        }
+        if seen.contains(&at) {
+            continue;
+        }
+        seen.push(at);
+        let edits = tree.slots[at].edits.iter().map(|id| &tree.edits[*id]);
+        let defers = edits.filter(|accepted| matches!(accepted.edit.what, What::Defer(_)));
+        todo.extend(defers.flat_map(|accepted| accepted.after.iter().map(|it| it.slot)));
+    }
+    Ok(())
+}
+
+impl<'p> Oracle<'p> {
+    // ------------------------------------------------------------------ forms
+
+    /// Does a part of the form that `here` stands in, as a form of its own.
+    pub fn form(
+        &mut self,
+        here: &Here,
+        part: Part,
+        work: impl FnOnce(&mut Self, &Here) -> Eval<'p>,
+    ) -> Eval<'p> {
+        let inner = Here { place: here.place.inside(part.clone()), ..here.clone() };
+        let handlers = self.run.handlers.len();
+        self.run.forms.push(Form { place: inner.place.clone(), rec: here.rec, handlers, ..Form::default() });
+        let mut result = work(self, &inner);
+        let form = self.run.forms.len() - 1;
+        // What it owes is performed before it ends, whatever ends it. (1)
+        while let (false, Some(next)) = (gave_up(&result), self.next_at_end(form)) {
+            result = and_then(result, self.discharge(next));
+        }
+        self.run.forms.pop();
+        self.run.forms[form - 1].ended.push(part);
+        while let (Ok(_), Some(next)) = (&result, self.next_due(form - 1)) {
+            result = and_then(result, self.discharge(next));
+        }
+        result
+    }
+
+    /// The running form has branches: of these only one is done.
+    pub fn branches(&mut self, branches: &[&[Expr]]) {
+        let parts = |body: &&[Expr]| body.iter().map(|expr| Part::Expr(super::eval::address(expr))).collect();
+        self.run.forms.last_mut().expect("the root is a form").branches =
+            branches.iter().map(parts).collect();
+    }
+
+    /// A round of the running form begins.
+    pub fn round_begins(&mut self, keys: &Rc<Vec<Step>>, at: usize) {
+        let form = self.run.forms.last_mut().expect("the root is a form");
+        form.rounds = Some((keys.clone(), at + 1));
+        if at == 0 {
+            let place = form.place.clone();
+            self.run.tree.loops.push((place, keys.clone()));
+        }
+    }
+
+    /// True if a form from number `first` on owes something.
+    pub fn owes(&self, first: usize) -> bool {
+        self.run.obligations.iter().any(|it| it.form >= first)
+    }
+
+    // ------------------------------------------------------------------ when
+
+    /// What a form owes that is due while it goes on. (1, 7)
+    fn next_due(&self, form: usize) -> Option<usize> {
+        let obligations = &self.run.obligations;
+        let is_due = |it: &&Obligation<'p>| {
+            let over = match &it.side {
+                Side::Never => false,
+                Side::Part(part) => self.run.forms[form].ended.contains(part),
+                Side::Later(before) => {
+                    let records = &self.run.tree.slots[it.after].records;
+                    let last = records.last().map(|rec| self.run.tree.records[*rec].status);
+                    records.len() > *before && last.is_some_and(Status::is_final)
+                }
+            };
+            it.form == form && over && !obligations.iter().any(|other| other.slot == it.after)
+        };
+        let due = obligations.iter().find(is_due)?;
+        obligations.iter().position(|it| it.rec == due.rec)
+    }
+
+    /// What a form owes next when it ends: in order of making, but what waits for something that is
+    /// owed as well after that; if that is owed further out, it is owed there. (7)
+    fn next_at_end(&mut self, form: usize) -> Option<usize> {
+        loop {
+            let held: Vec<usize> =
+                (0..self.run.obligations.len()).filter(|at| self.run.obligations[*at].form == form).collect();
+            let first = *held.first()?;
+            let waits_for = |at: &usize| {
+                let after = self.run.obligations[*at].after;
+                self.run.obligations.iter().position(|it| it.slot == after)
+            };
+            if let Some(free) = held.iter().find(|at| waits_for(at).is_none()) {
+                return Some(*free);
+            }
+            let further = held.iter().find_map(|at| {
+                let outer = waits_for(at).filter(|outer| self.run.obligations[*outer].form < form)?;
+                Some((*at, outer))
+            });
+            let Some((at, outer)) = further else { return Some(first) };
+            let Obligation { form, side, .. } = self.run.obligations[outer].clone();
+            let it = &mut self.run.obligations[at];
+            (it.form, it.side) = (form, side);
+        }
+    }
+
+    // ------------------------------------------------------------------ making
+
+    /// A new call takes the place of one that is still owed. (8)
+    fn supersede(&mut self, slot: usize) {
+        if let Some(at) = self.run.obligations.iter().position(|it| it.slot == slot) {
+            let old = self.run.obligations.remove(at);
+            self.run.tree.records[old.rec].why = Why::Superseded;
+            self.run.tree.end(old.rec, Status::Evaporated, Value::NIL, self.run.now);
+        }
+    }
+
+    /// True if a call is put off by an edit.
+    pub fn defer(&mut self, call: &Rc<Call>) -> bool {
+        self.supersede(call.slot);
+        let defers = self.edits_of(call, |what| matches!(what, What::Defer(_)));
+        let Some(id) = defers.last() else { return false };
+        let accepted = self.run.tree.edits[*id].clone();
+        let found = self.last_to_come(call, &accepted.after);
+        let Some((form, after, side)) = found else {
+            self.run.tree.records[call.rec].notes.push("defer not applied".into());
+            return false;
+        };
+        let goals = self.move_goals(form);
+        let edits = call.edits.iter().copied().filter(|id| !defers.contains(id)).collect();
+        let what = Owed::Call(Rc::new(Call { edits, ..Call::clone(call) }));
+        let handlers = self.run.handlers[self.run.forms[form].handlers..].to_vec();
+        let holder = self.run.tree.records[self.run.forms[form].rec].slot;
+        let record = &mut self.run.tree.records[call.rec];
+        record.status = Status::Deferred;
+        record.performed_in = Some(holder);
+        let (slot, rec) = (call.slot, call.rec);
+        self.run.obligations.push(Obligation { slot, rec, what, form, after, side, handlers, goals });
+        true
+    }
+
+    /// The last of some slots that is still to come, with the form that contains the call and it,
+    /// and its side of the form. (2, 3)
+    fn last_to_come(&self, call: &Call, after: &[Awaited]) -> Option<(usize, usize, Side)> {
+        let ahead = after.iter().filter_map(|awaited| {
+            let (form, side, order) = self.ahead(call, awaited)?;
+            // Forms further out end later.
+            Some(((std::cmp::Reverse(form), order), (form, awaited.slot, side)))
+        });
+        ahead.max_by_key(|(order, _)| *order).map(|(_, found)| found)
+    }
+
+    /// The common form of a call and a slot that is still to come, its side, and its order there.
+    fn ahead(&self, call: &Call, awaited: &Awaited) -> Option<(usize, Side, usize)> {
+        let form = self.common_form(call, &awaited.place)?;
+        let it = &self.run.forms[form];
+        if call.here.place.parts() == awaited.place.parts() {
+            // The same call again: it comes if it is a later one.
+            let [mine, theirs] = [call.slot, awaited.slot].map(|slot| &self.run.tree.slots[slot]);
+            let later = theirs.occurrence() > mine.occurrence();
+            return later.then_some((form, Side::Later(theirs.records.len()), awaited.order));
+        }
+        let part = it.place.part_with(&awaited.place)?;
+        let mine = it.place.part_with(&call.here.place);
+        let branch_of = |part: &Part| it.branches.iter().position(|branch| branch.contains(part));
+        let branches = (branch_of(&part), mine.as_ref().and_then(branch_of));
+        let excluded = matches!(branches, (Some(theirs), Some(mine)) if theirs != mine);
+        if it.ended.contains(&part) || excluded {
+            return None;
+        }
+        let order = match (&part, &it.rounds) {
+            (Part::Round(key), Some((keys, begun))) => {
+                let coming = &keys[*begun..];
+                let at = coming.iter().position(|other| other == key)?;
+                let known =
+                    |step: &Step| awaited.between.as_ref().is_none_or(|between| between.contains(step));
+                if !coming[..at].iter().all(known) {
+                    return None;
+                }
+                at
+            }
+            _ => awaited.order,
+        };
+        Some((form, Side::Part(part), order))
+    }
+
+    /// The innermost form that is being done and contains a call and another place. A place that is
+    /// the call's own is another run of the loop or function around it.
+    fn common_form(&self, call: &Call, other: &Place) -> Option<usize> {
+        let (mine, theirs) = (call.here.place.parts(), other.parts());
+        let contains =
+            |form: &Form, parts: &[Part]| !form.is_shadow && parts.starts_with(&form.place.parts());
+        if mine == theirs {
+            let turn = mine.iter().rposition(|part| *part == Part::Turn);
+            let body = mine.iter().rposition(|part| matches!(part, Part::Node(_)));
+            let outer = &mine[..turn.or(body.map(|at| at + 1)).unwrap_or(0)];
+            return self.run.forms.iter().rposition(|form| !form.is_shadow && form.place.parts() == outer);
+        }
+        self.run.forms.iter().rposition(|form| {
+            contains(form, &mine) && contains(form, &theirs) && form.place.parts().len() < theirs.len()
+        })
+    }
+
+    /// Goals of tasks between the running call and a form are checked later. (6)
+    fn move_goals(&mut self, form: usize) -> Vec<(usize, Rc<Call>)> {
+        let holder = self.run.forms[form].rec;
+        let between = self.run.bodies.iter().rev().take_while(|(rec, _)| *rec != holder);
+        let goals: Vec<(usize, Rc<Call>)> =
+            between.filter(|(_, call)| call.goal.is_some()).cloned().collect();
+        for (rec, _) in &goals {
+            self.run.tree.records[*rec].moved = true;
+        }
+        goals
+    }
+
+    /// Puts the code of `owe` edits into the forms of what they wait for. (10)
+    pub fn owe(&mut self, call: &Rc<Call>) {
+        for id in self.edits_of(call, |what| matches!(what, What::Owe { .. })) {
+            let accepted = self.run.tree.edits[id].clone();
+            let What::Owe { name, .. } = &accepted.edit.what else { continue };
+            let (owner, function) = accepted.code.expect("what is owed is code");
+            let Some((form, after, side)) = self.owing_form(call, &accepted.after) else { continue };
+            let goals = self.move_goals(form);
+            let open = self.run.obligations.iter_mut().find(|it| {
+                it.form == form
+                    && matches!(it.what, Owed::Code(..))
+                    && self.run.tree.slots[it.slot].name == *name
+            });
+            if let Some(open) = open {
+                (open.after, open.side) = (after, side);
+                open.goals.extend(goals);
+                continue;
+            }
+            let holder = self.run.forms[form].rec;
+            let (slot, rec) = self.owed_record(holder, *name);
+            let what = Owed::Code(owner, function, id, call.args.clone());
+            let handlers = self.run.handlers[self.run.forms[form].handlers..].to_vec();
+            self.run.obligations.push(Obligation { slot, rec, what, form, after, side, handlers, goals });
+        }
+    }
+
+    /// The form that contains a call and all that it waits for, which of these is the last, and its
+    /// side. With nothing to come, what is owed comes after the call itself. (2, 10)
+    fn owing_form(&self, call: &Call, after: &[Awaited]) -> Option<(usize, usize, Side)> {
+        let Some(form) = after.iter().filter_map(|it| self.common_form(call, &it.place)).min() else {
+            // The call alone: its own form owes it.
+            let form =
+                self.run.forms.iter().rposition(|form| !form.is_shadow && form.rec == call.here.rec)?;
+            return Some((form, call.slot, Side::Never));
+        };
+        let own = Side::Part(self.run.forms[form].place.part_with(&call.here.place)?);
+        let ahead = after.iter().filter_map(|awaited| match self.ahead(call, awaited)? {
+            (common, side, order) if common == form => Some((order + 1, awaited.slot, side)),
+            // It comes in the part of the form that the call itself is in.
+            _ => Some((0, awaited.slot, own.clone())),
+        });
+        let last = ahead.max_by_key(|(order, ..)| *order).map(|(_, slot, side)| (form, slot, side));
+        Some(last.unwrap_or((form, call.slot, own)))
+    }
+
+    fn owed_record(&mut self, holder: usize, name: Symbol) -> (usize, usize) {
+        let slot = self.run.tree.slot(holder, (SiteId(0), vec![Step::Name(name)]), name, |_| 0);
+        let rec = self.run.tree.enter(holder, slot, NodeKind::Plan, Vec::new(), self.run.now);
+        self.run.tree.records[rec].status = Status::Deferred;
+        (slot, rec)
+    }
+
+    // ------------------------------------------------------------------ performing
+
+    /// Performs what is owed, in the form that is on top of the stack.
+    fn discharge(&mut self, at: usize) -> Result<(), Exit<'p>> {
+        let mut owed = self.run.obligations.remove(at);
+        let counts: Vec<_> = self.run.tree.records.iter().map(|record| record.counts.clone()).collect();
+        let form = &self.run.forms[owed.form];
+        let shadow = Form { place: form.place.clone(), rec: form.rec, is_shadow: true, ..Form::default() };
+        let handlers = self.run.handlers.split_off(form.handlers);
+        self.run.forms.push(shadow);
+        let mut result = self.attempt_of(&owed).map(drop);
+        let mut around = owed.handlers.clone();
+        while let Err(Exit::Fail(failure)) = &result {
+            let Some(Handler { clauses, here }) = around.pop() else { break };
+            match self.take(&here, clauses, failure.clone()) {
+                Ok(Some(_)) => result = Ok(()),
+                Ok(None) => {
+                    self.burn()?;
+                    self.restore_counts(&counts);
+                    owed.rec = self.again(&owed);
+                    around.clone_from(&owed.handlers);
+                    result = self.attempt_of(&owed).map(drop);
+                }
+                Err(exit) => result = Err(exit),
+            }
+        }
+        self.run.forms.pop();
+        self.run.handlers.extend(handlers);
+        result
+    }
+
+    /// A retry takes back how often calls were counted.
+    fn restore_counts(&mut self, counts: &[super::tree::Counts]) {
+        for (record, counts) in self.run.tree.records.iter_mut().zip(counts) {
+            record.counts.clone_from(counts);
+        }
+    }
+
+    /// The record of the next attempt of what is owed.
+    fn again(&mut self, owed: &Obligation<'p>) -> usize {
+        let old = self.run.tree.records[owed.rec].clone();
+        let parent = old.parent.expect("only the root has no parent");
+        let rec = self.run.tree.enter(parent, owed.slot, old.kind, old.args, self.run.now);
+        let it = &mut self.run.tree.records[rec];
+        (it.written, it.performed_in) = (old.written, old.performed_in);
+        rec
+    }
+
+    fn attempt_of(&mut self, owed: &Obligation<'p>) -> Eval<'p> {
+        let now = self.run.now;
+        let record = &mut self.run.tree.records[owed.rec];
+        (record.status, record.start) = (Status::Running, now);
+        let holder = Here { rec: self.run.forms[owed.form].rec, ..Here::root(None) };
+        let value = match &owed.what {
+            Owed::Call(call) => self.perform(&Rc::new(Call { rec: owed.rec, ..Call::clone(call) }))?,
+            Owed::Code(owner, function, id, args) => {
+                self.owed_code(&holder, owed, (*owner, function, *id), args.clone())?
+            }
+        };
+        for (rec, call) in &owed.goals {
+            let (Some(goal), Status::Succeeded) = (&call.goal, self.run.tree.records[*rec].status) else {
+                continue;
+            };
+            if !self.ask_goal(&holder, goal)? {
+                return self.goal_not_reached(&holder, call.slot);
+            }
+        }
+        Ok(value)
+    }
+
+    fn owed_code(
+        &mut self,
+        holder: &Here,
+        owed: &Obligation<'p>,
+        (owner, function, id): (FnId, &'p Function, usize),
+        args: Vec<Value>,
+    ) -> Eval<'p> {
+        let place = self.run.forms[owed.form].place.clone();
+        let way = Way::default().then(Step::Edit(id as u32 + 1));
+        let here = Here { rec: owed.rec, way, place, owner: Some(owner), ..holder.clone() };
+        let result = self.deeper(|it| {
+            it.form(&here, Part::Code(id), |it, here| it.body_of(here, function, Vec::new(), args))
+        });
+        let now = self.run.now;
+        match &result {
+            Ok(value) => self.run.tree.end(owed.rec, Status::Succeeded, value.clone(), now),
+            Err(Exit::Fail(failure)) => self.run.tree.end(owed.rec, Status::Failed, failure.clone(), now),
+            Err(_) => {}
+        }
+        result
+    }
+}
+
+fn gave_up(result: &Eval<'_>) -> bool {
+    matches!(result, Err(Exit::GiveUp(_)))
+}
+
+/// How a form ends in which something owed ended so: a failure beside another is kept there. (9)
+fn and_then<'p>(result: Eval<'p>, owed: Result<(), Exit<'p>>) -> Eval<'p> {
+    match (result, owed) {
+        (result, Ok(())) => result,
+        (Err(Exit::Fail(failure)), Err(Exit::Fail(other))) => Err(Exit::Fail(with_also(&failure, other))),
+        (Err(Exit::Propagate(failure)), Err(Exit::Fail(other))) => {
+            Err(Exit::Propagate(with_also(&failure, other)))
+        }
+        (_, Err(exit)) => Err(exit),
+    }
+}
+
+/// The branches of which an expression does one.
+pub fn branches(expr: &Expr) -> Vec<&[Expr]> {
+    match &expr.kind {
+        ExprKind::If(_, then, other) => vec![std::slice::from_ref(&**then), std::slice::from_ref(&**other)],
+        ExprKind::Case(_, arms, otherwise) => {
+            arms.iter().map(|(_, body)| body).chain([otherwise]).map(Vec::as_slice).collect()
+        }
+        _ => Vec::new(),
+    }
+}

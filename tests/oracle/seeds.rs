@@ -1,0 +1,31 @@
+//! The report of a random program that tells the two apart.
+
+use super::both::{Seen, Verdict, compare};
+use super::random::random_program;
+use super::shrink::shrink;
+
+/// The program of a seed, as small as it could be made, and what both make of it.
+#[must_use]
+pub fn report(seed: u64) -> String {
+    let program = random_program(seed);
+    let small = shrink(&program, |program| matches!(compare(program, seed), Verdict::Different(..)));
+    let small = grammar::format(&small).unwrap_or(small);
+    let (machine, oracle) = match compare(&small, seed) {
+        Verdict::Different(machine, oracle) => (machine, oracle),
+        other => return format!("seed {seed} does not show it again: {other:?}"),
+    };
+    format!("seed {seed}\n{small}\n{}", differences(&machine, &oracle))
+}
+
+/// The lines of both, those that differ marked.
+fn differences(machine: &Seen, oracle: &Seen) -> String {
+    let text = |seen: &Seen| format!("{}\n{}{}", seen.outcome, seen.output, seen.tree);
+    let (machine, oracle) = (text(machine), text(oracle));
+    let marked = |lines: &str, others: &str| {
+        let line = |line: &str| {
+            format!("{} {line}\n", if others.lines().any(|other| other == line) { " " } else { ">" })
+        };
+        lines.lines().map(line).collect::<String>()
+    };
+    format!("---- machine\n{}---- oracle\n{}", marked(&machine, &oracle), marked(&oracle, &machine))
+}
