@@ -335,6 +335,20 @@ pub enum CompileError {
         at: Span,
     },
 
+    /// Macros whose expansions double and double again.
+    #[error("macros are expanded more than {limit} times in one text")]
+    #[diagnostic(
+        code(expand::too_often),
+        help("a macro that puts two calls of macros into its expansion doubles them each time")
+    )]
+    ExpandedTooOften {
+        /// The limit.
+        limit: usize,
+        /// The call.
+        #[label("one too many")]
+        at: Span,
+    },
+
     /// A macro that made something that is no form.
     #[error("the macro `{name}` made code out of {what}, which is no form")]
     #[diagnostic(code(expand::not_a_form), help("macros return lists, symbols, numbers and strings"))]
@@ -458,6 +472,7 @@ impl CompileError {
             | E::Misplaced { at, .. }
             | E::MacroFailed { at, .. }
             | E::ExpandedTooDeep { at, .. }
+            | E::ExpandedTooOften { at, .. }
             | E::NotAForm { at, .. }
             | E::NotYet { at, .. }
             | E::ModuleMissing { at, .. }

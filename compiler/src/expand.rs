@@ -19,6 +19,17 @@ use crate::{Compiler, Expander};
 const MOST_LEVELS: usize = 200;
 /// Fuel of one expansion.
 const FUEL: u64 = 10_000_000;
+/// Fuel of all expansions of a text.
+const ALL_FUEL: u64 = 200_000_000;
+/// How many expansions a text may have: two macros that call each other twice double it each time.
+const MOST_EXPANSIONS: usize = 1_000_000;
+
+/// What the expansions of a text have taken.
+#[derive(Default)]
+pub(crate) struct Taken {
+    expansions: usize,
+    fuel: u64,
+}
 
 impl Compiler<'_> {
     /// The expansion of a call of a macro, or nothing if there was an error.
@@ -32,6 +43,14 @@ impl Compiler<'_> {
         let at = form.span;
         if self.within.len() >= MOST_LEVELS {
             self.error(CompileError::ExpandedTooDeep { limit: MOST_LEVELS, at });
+            return None;
+        }
+        self.taken.expansions += 1;
+        if self.taken.expansions > MOST_EXPANSIONS {
+            // Said once: what is left of the text is not expanded.
+            if self.taken.expansions == MOST_EXPANSIONS + 1 {
+                self.error(CompileError::ExpandedTooOften { limit: MOST_EXPANSIONS, at });
+            }
             return None;
         }
         let mut places = Places::default();
@@ -100,15 +119,15 @@ impl Compiler<'_> {
     }
 
     fn run_macro(&mut self, function: FnId, args: Vec<Value>, constants: Vec<FnId>) -> Result<Value, Value> {
-        let Compiler { front, program, .. } = self;
+        let Compiler { front, program, taken, .. } = self;
         let Expander { machine, computed } = &mut front.expander;
         std::mem::swap(&mut machine.program, program);
         for constant in constants.into_iter().filter(|constant| computed.insert(*constant)) {
             // One that fails will fail again, with its place, when the program is loaded.
-            let _ = call(machine, constant, Vec::new());
+            let _ = call(machine, constant, Vec::new(), taken);
         }
         let result = match machine.arrange(function, args) {
-            Ok(args) => call(machine, function, args),
+            Ok(args) => call(machine, function, args, taken),
             Err(raise) => Err(Value::failure(*raise)),
         };
         std::mem::swap(&mut machine.program, program);
@@ -116,13 +135,21 @@ impl Compiler<'_> {
     }
 }
 
-fn call(machine: &mut vm::Machine, function: FnId, args: Vec<Value>) -> Result<Value, Value> {
-    machine.limits.fuel = machine.steps() + FUEL;
+fn call(
+    machine: &mut vm::Machine,
+    function: FnId,
+    args: Vec<Value>,
+    taken: &mut Taken,
+) -> Result<Value, Value> {
+    let before = machine.steps();
+    machine.limits.fuel = before + FUEL.min(ALL_FUEL.saturating_sub(taken.fuel));
     machine.start(function, args);
-    match machine.go(&mut NoHost, None) {
+    let outcome = match machine.go(&mut NoHost, None) {
         Progress::Ended(outcome) => outcome,
         Progress::Stopped => Ok(Value::NIL),
-    }
+    };
+    taken.fuel += machine.steps() - before;
+    outcome
 }
 
 /// A failure in one line.

@@ -165,6 +165,11 @@ pub(crate) struct Compiler<'p> {
     within: Vec<ModuleId>,
     /// The functions that the one being resolved mentions.
     mentioned: Vec<FnId>,
+    /// How deep the forms are nested that are being resolved, those of functions that wait for others
+    /// included.
+    depth: usize,
+    /// What expanding macros has taken so far.
+    taken: expand::Taken,
 }
 
 impl std::ops::Deref for Compiler<'_> {
@@ -198,7 +203,10 @@ impl Compiler<'_> {
 
     /// Compiles a function that has been declared, unless that has been done.
     fn compile(&mut self, id: FnId) {
+        // A function that a macro needs is compiled while another one waits: on top of it, on the stack.
+        const WAITS: usize = 5;
         let Some(pending) = self.pending.remove(&id) else { return };
+        self.depth += WAITS;
         let mentioned = std::mem::take(&mut self.mentioned);
         let within = std::mem::replace(&mut self.within, pending.within.clone());
         let scope = resolve::Scope::new(pending.module, pending.kind);
@@ -209,6 +217,7 @@ impl Compiler<'_> {
         self.lower(id, &function);
         let references = std::mem::replace(&mut self.mentioned, mentioned);
         self.within = within;
+        self.depth -= WAITS;
         self.references.insert(id, references);
         if self.keep_forms && pending.defines.is_none() {
             self.sources.insert(id, Rc::new(pending));
@@ -351,8 +360,15 @@ impl Front {
     }
 
     fn with(&mut self, program: &mut Program, work: impl FnOnce(&mut Compiler<'_>) -> Vec<FnId>) -> Loaded {
-        let mut compiler =
-            Compiler { front: self, program, reports: Vec::new(), within: Vec::new(), mentioned: Vec::new() };
+        let mut compiler = Compiler {
+            front: self,
+            program,
+            reports: Vec::new(),
+            within: Vec::new(),
+            mentioned: Vec::new(),
+            depth: 0,
+            taken: expand::Taken::default(),
+        };
         let init = work(&mut compiler);
         let mut reports = compiler.reports;
         reports.sort_by_key(|report| (report.span().file, report.span().start, report.span().end));

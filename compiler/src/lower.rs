@@ -281,7 +281,11 @@ impl<'p> Lower<'p> {
     }
 
     fn constant(&mut self, value: &Value) -> ConstId {
-        let known = self.program.constants.iter().rposition(|known| known.identical(value));
+        // Sharing is for what is near: a search among all would take time with their square.
+        const NEAR: usize = 100;
+        let constants = &self.program.constants;
+        let first = constants.len().saturating_sub(NEAR);
+        let known = constants[first..].iter().rposition(|known| known.identical(value)).map(|at| first + at);
         let at = known.unwrap_or_else(|| {
             self.program.constants.push(value.clone());
             self.program.constants.len() - 1

@@ -29,6 +29,7 @@ pub const PAGES: &[(&str, &str)] = &[
     ("desc::misplaced", include_str!("../errors/desc-misplaced.md")),
     ("expand::failed", include_str!("../errors/expand-failed.md")),
     ("expand::too_deep", include_str!("../errors/expand-too_deep.md")),
+    ("expand::too_often", include_str!("../errors/expand-too_often.md")),
     ("expand::not_a_form", include_str!("../errors/expand-not_a_form.md")),
     ("expand::not_yet", include_str!("../errors/expand-not_yet.md")),
     ("module::missing", include_str!("../errors/module-missing.md")),

@@ -49,7 +49,6 @@ pub(crate) struct Scope {
     original: bool,
     /// The function around, for lambdas.
     outer: Option<Box<Scope>>,
-    depth: usize,
 }
 
 impl Scope {
@@ -64,7 +63,6 @@ impl Scope {
             around: Vec::new(),
             original: false,
             outer: None,
-            depth: 0,
         }
     }
 
@@ -117,14 +115,14 @@ impl Scope {
 impl Compiler<'_> {
     /// Resolves a form. What is wrong with it goes to the errors.
     pub(crate) fn expr(&mut self, scope: &mut Scope, form: &Form) -> Expr {
-        scope.depth += 1;
-        let expr = if scope.depth > MOST_NESTED + 1 {
+        self.depth += 1;
+        let expr = if self.depth > MOST_NESTED + 1 {
             self.error(CompileError::TooDeep { limit: MOST_NESTED, at: form.span });
             Expr::nil(form.span)
         } else {
             self.expr_of(scope, form)
         };
-        scope.depth -= 1;
+        self.depth -= 1;
         expr
     }
 
@@ -140,13 +138,21 @@ impl Compiler<'_> {
                 Some((head, args)) => self.list(scope, form, head, args),
             },
             FormKind::Vector(items) => {
-                let items = items.iter().map(|item| self.expr(scope, item)).collect();
-                Expr::new(ExprKind::Vector(items), span)
+                let items: Vec<Expr> = items.iter().map(|item| self.expr(scope, item)).collect();
+                if items.len() <= MOST_IN_A_ROW {
+                    return Expr::new(ExprKind::Vector(items), span);
+                }
+                let list = self.list_of(items.into_iter().map(Some).collect(), span);
+                self.native_call("list->vec", vec![Some(list)], span)
             }
             FormKind::Map(pairs) => {
                 let parts = pairs.iter().flat_map(|(key, value)| [key, value]);
-                let parts = parts.map(|part| self.expr(scope, part)).collect();
-                Expr::new(ExprKind::Map(parts), span)
+                let parts: Vec<Expr> = parts.map(|part| self.expr(scope, part)).collect();
+                if parts.len() <= MOST_IN_A_ROW {
+                    return Expr::new(ExprKind::Map(parts), span);
+                }
+                let maps = in_rows(parts, |row| Some(Expr::new(ExprKind::Map(row), span)));
+                self.in_few("merge", maps, span)
             }
             FormKind::Prefixed(Prefix::Quote, inner) => self.constant(inner),
             FormKind::Prefixed(Prefix::Quasi, inner) => self.quasi(scope, inner, 1),
@@ -324,6 +330,9 @@ impl Compiler<'_> {
                 if !accepts(&params, given) {
                     self.arity(name, &params, given, form.span);
                 }
+                if given > MOST_IN_A_ROW && self.program.natives[native.at()].name == "list" {
+                    return self.list_of(args, form.span);
+                }
                 Expr::new(ExprKind::Call(Callee::Native(native), args), form.span)
             }
             Meaning::Const(global) => {
@@ -434,7 +443,19 @@ impl Compiler<'_> {
         if items.is_empty() {
             return Expr::nil(span);
         }
-        self.native_call("list", items, span)
+        if items.len() <= MOST_IN_A_ROW {
+            return self.native_call("list", items, span);
+        }
+        let lists = in_rows(items, |row| Some(self.native_call("list", row, span)));
+        self.in_few("append", lists, span)
+    }
+
+    /// A call of a native that puts its arguments together, however many there are.
+    fn in_few(&mut self, name: &str, mut parts: Vec<Option<Expr>>, span: Span) -> Expr {
+        while parts.len() > MOST_IN_A_ROW {
+            parts = in_rows(parts, |row| Some(self.native_call(name, row, span)));
+        }
+        self.native_call(name, parts, span)
     }
 
     /// A call of a native that the compiler itself needs.
@@ -503,11 +524,8 @@ impl Compiler<'_> {
         span: Span,
     ) -> Function {
         let placeholder = Scope::new(scope.module, scope.kind);
-        let mut outer = std::mem::replace(scope, placeholder);
-        let depth = outer.depth;
-        outer.depth = 0;
+        let outer = std::mem::replace(scope, placeholder);
         let mut inner = Scope::new(outer.module, FnKind::Lambda);
-        inner.depth = depth;
         inner.outer = Some(Box::new(outer));
         let (inputs, destructured) = self.bind_params(&mut inner, params);
         let mut body = self.body(&mut inner, body);
@@ -516,7 +534,6 @@ impl Compiler<'_> {
             body = vec![Expr::new(ExprKind::Let(destructured, parts), span)];
         }
         *scope = *inner.outer.take().unwrap_or_else(|| Box::new(Scope::new(inner.module, FnKind::Lambda)));
-        scope.depth = depth;
         self.finish_function(inner, Symbol::from("lambda"), params.params.clone(), inputs, body, span)
     }
 
@@ -532,6 +549,19 @@ impl Compiler<'_> {
 fn first_of(key: Symbol, pairs: &[Form]) -> Option<Span> {
     let mut keys = pairs.iter().step_by(2);
     keys.find(|form| matches!(form.kind, FormKind::Keyword(known) if known == key)).map(|form| form.span)
+}
+
+/// How many values may be made side by side before they are put together: each takes a register.
+const MOST_IN_A_ROW: usize = 100;
+
+/// One expression for each row of at most [`MOST_IN_A_ROW`] items.
+fn in_rows<T>(items: Vec<T>, mut row_of: impl FnMut(Vec<T>) -> Option<Expr>) -> Vec<Option<Expr>> {
+    let mut items = items.into_iter();
+    let rows = std::iter::from_fn(|| {
+        let row: Vec<T> = items.by_ref().take(MOST_IN_A_ROW).collect();
+        (!row.is_empty()).then_some(row)
+    });
+    rows.map(|row| row_of(row)).collect()
 }
 
 /// True if a call with `n` arguments fits, as far as their number goes.

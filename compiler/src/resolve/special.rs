@@ -8,7 +8,7 @@ use vm::value::{Obj, Symbol, Value};
 use super::{Around, Scope};
 use crate::Compiler;
 use crate::ast::{Callee, Clause, Expr, ExprKind, VarId};
-use crate::data::{Places, to_value};
+use crate::data::{MOST_NESTED, Places, to_value};
 use crate::error::CompileError;
 use crate::module::{Found, Meaning, nearest};
 
@@ -290,15 +290,23 @@ fn unless(it: &mut Compiler<'_>, scope: &mut Scope, form: &Form, args: &[Form]) 
 }
 
 fn cond(it: &mut Compiler<'_>, scope: &mut Scope, form: &Form, args: &[Form]) -> Expr {
+    if it.depth + args.len() > MOST_NESTED {
+        it.error(CompileError::TooDeep { limit: MOST_NESTED, at: form.span });
+        return Expr::nil(form.span);
+    }
     let mut branches = Vec::new();
     for clause in args {
         let Some((test, body)) = clause.list().and_then(<[Form]>::split_first) else {
+            it.depth -= branches.len();
             return it.misshapen(form, "has a clause that is not written (test body…)");
         };
+        // Each clause stands in the `else` of the one before it.
+        it.depth += 1;
         let test = it.expr(scope, test);
         let body = it.body(scope, body);
         branches.push((test, body, clause.span));
     }
+    it.depth -= branches.len();
     let mut value = Expr::nil(form.span);
     for (test, body, span) in branches.into_iter().rev() {
         value = match body.is_empty() {
