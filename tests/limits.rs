@@ -134,3 +134,20 @@ fn a_loop_at_the_top_level_ends_by_fuel() {
         "fuel-exhausted: the run used up its fuel of 10000 calls and backward jumps",
     );
 }
+
+#[test]
+fn what_would_overflow_the_stack_of_the_compiler_is_an_error() {
+    let clauses: String = (0..20_000).map(|i| format!("((= x {i}) {i})")).collect();
+    let pairs = |n: usize| {
+        let pairs =
+            (0..n).map(|i| format!("(def-macro m{i} (x) (f{i} x)) (def-fun f{i} (x) (m{} x))", i + 1));
+        format!("{} (def-macro m{n} (x) x) (def-plan main () (m0 5))", pairs.collect::<String>())
+    };
+    for text in [format!("(def-fun f (x) (cond {clauses}))"), pairs(5000)] {
+        let mut session = Session::new(Options::default());
+        let loaded = session.load_text("limit.plan", &text);
+        let first = loaded.reports.first().and_then(|report| report.diagnostic().code());
+        assert_eq!(first.map(|code| code.to_string()), Some("limit::nesting".into()));
+    }
+    check(&pairs(100), "5");
+}
