@@ -136,6 +136,46 @@ fn a_loop_at_the_top_level_ends_by_fuel() {
 }
 
 #[test]
+fn literals_may_be_long() {
+    let numbers = |n: usize| (0..n).map(|i| format!("{i} ")).collect::<String>();
+    let computed = |n: usize| (0..n).map(|i| format!("(+ x {i}) ")).collect::<String>();
+    let text = format!(
+        "(def-fun count (&rest xs) (length xs))
+         (def-fun seen (x) (print x) x)
+         (def-plan main ()
+           (let ((x 1))
+             (list (length [{0}]) (length {{{0}}}) (length (list {0})) (elt [{1}] 2999) (get {{{1}}} 2999)
+                   (last (list {1})) (length `({2})) (count {0}) (get {{1 'a {0} 1 'b}} 1))))",
+        numbers(3000),
+        computed(3000),
+        ",x ".repeat(3000)
+    );
+    check(&text, "(3000 1500 3000 3000 3000 (3000) 3000 3000 b)");
+}
+
+#[test]
+fn long_literals_are_computed_in_order() {
+    let items: String = (0..300).map(|i| format!("(next {i}) ")).collect();
+    let text = format!(
+        "(def-fun next (i) (write i) i) (def-plan main () (list (length [{items}]) (length {{{items}}})))"
+    );
+    let mut session = Session::new(Options::default());
+    let run = session.run_text("limit.plan", &text);
+    let once: String = (0..300).map(|i| i.to_string()).collect();
+    assert_eq!(run.printed, format!("{once}{once}"));
+}
+
+#[test]
+fn flat_forms_may_be_long() {
+    let clauses: String = (0..900).map(|i| format!("((= x {i}) {i})")).collect();
+    let keys: String = (0..20_000).map(|i| format!("({i} {i})")).collect();
+    let tests: String = (0..20_000).map(|i| format!("(= x {i})")).collect();
+    check(&format!("(def-fun f (x) (cond {clauses})) (f 899)"), "899");
+    check(&format!("(def-fun f (x) (case x {keys})) (f 19999)"), "19999");
+    check(&format!("(def-fun f (x) (or {tests})) (f 19999)"), "true");
+}
+
+#[test]
 fn what_would_overflow_the_stack_of_the_compiler_is_an_error() {
     let clauses: String = (0..20_000).map(|i| format!("((= x {i}) {i})")).collect();
     let pairs = |n: usize| {
