@@ -21,7 +21,9 @@ fn machine_and_oracle_agree_on_random_programs() {
             match compare(&random_program(seed), seed) {
                 Verdict::Same(_) => compared += 1,
                 Verdict::Different(..) => different.push(seed),
-                Verdict::Errors(errors) => panic!("seed {seed} has errors:\n{errors}\n{}", random_program(seed)),
+                Verdict::Errors(errors) => {
+                    panic!("seed {seed} has errors:\n{errors}\n{}", random_program(seed))
+                }
                 Verdict::NotCompared(_) => {}
             }
         }

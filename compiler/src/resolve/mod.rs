@@ -555,13 +555,13 @@ fn first_of(key: Symbol, pairs: &[Form]) -> Option<Span> {
 const MOST_IN_A_ROW: usize = 100;
 
 /// One expression for each row of at most [`MOST_IN_A_ROW`] items.
-fn in_rows<T>(items: Vec<T>, mut row_of: impl FnMut(Vec<T>) -> Option<Expr>) -> Vec<Option<Expr>> {
+fn in_rows<T>(items: Vec<T>, row_of: impl FnMut(Vec<T>) -> Option<Expr>) -> Vec<Option<Expr>> {
     let mut items = items.into_iter();
     let rows = std::iter::from_fn(|| {
         let row: Vec<T> = items.by_ref().take(MOST_IN_A_ROW).collect();
         (!row.is_empty()).then_some(row)
     });
-    rows.map(|row| row_of(row)).collect()
+    rows.map(row_of).collect()
 }
 
 /// True if a call with `n` arguments fits, as far as their number goes.
