@@ -136,7 +136,7 @@ fn part(whole: &Value, start: usize, end: Option<usize>) -> Result<Value, Raise>
         Some(Obj::Vector(items)) if start == 0 && end == Some(items.len()) => Ok(whole.clone()),
         Some(Obj::Vector(items)) => {
             let n = end.unwrap_or(items.len()).saturating_sub(start);
-            Ok(Value::new(Obj::Vector(Box::new(items.skip(start).take(n)))))
+            Ok(Value::shared_vector(items.skip(start).take(n)))
         }
         Some(Obj::Str(text)) => Ok(Value::str(string::part(text, start, end))),
         _ => {

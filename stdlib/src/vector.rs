@@ -1,7 +1,7 @@
 //! Vectors: persistent sequences with quick access by position.
 
 use vm::native::{Raise, index, list, range_error, type_error};
-use vm::value::{Obj, Value, Vector};
+use vm::value::{Value, Vector};
 
 use crate::limit;
 use crate::table::natives;
@@ -22,7 +22,7 @@ fn vector(value: &Value) -> Result<&Vector, Raise> {
 }
 
 fn whole(items: Vector) -> Value {
-    Value::new(Obj::Vector(Box::new(items)))
+    Value::shared_vector(items)
 }
 
 fn make_vector(args: &[Value]) -> Result<Value, Raise> {

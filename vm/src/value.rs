@@ -29,6 +29,24 @@ pub type Symbol = ustr::Ustr;
 
 /// A persistent vector.
 pub type Vector = im::GenericVector<Value, im::shared_ptr::RcK>;
+
+/// The elements of a vector, and the memory that is counted for them.
+pub struct Items {
+    vector: Vector,
+    bytes: usize,
+}
+
+impl std::ops::Deref for Items {
+    type Target = Vector;
+    fn deref(&self) -> &Vector {
+        &self.vector
+    }
+}
+
+/// A changed vector or map shares all but a few nodes with the one it came from: so many bytes.
+const MOST_OWN: usize = 4096;
+/// Bytes of an entry of a map.
+const ENTRY: usize = 2 * size_of::<Value>();
 /// A persistent map in the order of its keys.
 pub type Map = im::GenericOrdMap<Value, Value, im::shared_ptr::RcK>;
 
@@ -73,7 +91,7 @@ pub enum Obj {
     /// Text.
     Str(Box<str>),
     /// `[a b c]`
-    Vector(Box<Vector>),
+    Vector(Box<Items>),
     /// `{k v}`
     Map(Box<Map>),
     /// `(an object (type milk))`
@@ -171,7 +189,14 @@ impl Value {
     }
     /// A vector of these values.
     pub fn vector(items: impl IntoIterator<Item = Value>) -> Value {
-        Value::new(Obj::Vector(Box::new(items.into_iter().collect())))
+        let vector: Vector = items.into_iter().collect();
+        let bytes = vector.len() * size_of::<Value>();
+        Value::new(Obj::Vector(Box::new(Items { vector, bytes })))
+    }
+    /// A vector that shares most of its elements with another one.
+    pub fn shared_vector(vector: Vector) -> Value {
+        let bytes = (vector.len() * size_of::<Value>()).min(MOST_OWN);
+        Value::new(Obj::Vector(Box::new(Items { vector, bytes })))
     }
     /// A map.
     pub fn map(map: Map) -> Value {
@@ -497,7 +522,8 @@ impl Obj {
         CELL + match self {
             Obj::Pair(..) | Obj::Counter(_) | Obj::Ranks(_) | Obj::Gone | Obj::Tree(_) => 0,
             Obj::Str(text) => text.len(),
-            Obj::Vector(_) | Obj::Map(_) => 2 * CELL, // most of it is shared with the one it came from
+            Obj::Vector(items) => 2 * CELL + items.bytes,
+            Obj::Map(map) => 2 * CELL + (map.len() * ENTRY).min(MOST_OWN),
             Obj::Closure(_, captured) => captured.len() * size_of::<Value>(),
             Obj::Desc(_) | Obj::Failure(_) | Obj::Pose(_) | Obj::Vec3(_) | Obj::Path(_) | Obj::Edit(_) => {
                 4 * CELL
@@ -606,7 +632,7 @@ impl Drop for Obj {
             }
             Obj::Str(_) | Obj::Pose(_) | Obj::Vec3(_) | Obj::Counter(_) | Obj::Ranks(_) => {}
             Obj::Path(_) | Obj::Tree(_) | Obj::Gone => {}
-            Obj::Vector(vector) => drop_nested(Garbage::Vector(take(&mut **vector))),
+            Obj::Vector(items) => drop_nested(Garbage::Vector(take(&mut items.vector))),
             Obj::Map(map) => drop_nested(Garbage::Map(take(&mut **map))),
             Obj::Desc(desc) => drop_nested(Garbage::Values(desc.take_values())),
             Obj::Failure(failure) => drop_nested(Garbage::Values(failure.take_values())),

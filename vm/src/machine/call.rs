@@ -9,7 +9,7 @@ use crate::key::{Chain, Key, Ranks, Step};
 use crate::native::{Next, Raise, map_key, type_error};
 use crate::op::{Count, Op};
 use crate::tree::{NodeKind, RecId, Status};
-use crate::value::{Imm, Obj, Symbol, Value};
+use crate::value::{Imm, Obj, Symbol, Value, live};
 
 use super::drive::Call;
 use super::{Ctx, CtxParts, Exit, Frame, Here, MEMO, Machine, Occurrences, RESUME, Run, hot};
@@ -29,6 +29,9 @@ pub(super) fn root_site() -> Site {
         value_used: true,
     }
 }
+
+/// Bytes that make a call of a native a large one.
+const LARGE: usize = 1 << 16;
 
 /// What an instruction of the slow kind leads to.
 pub(super) type Slow = Result<Option<Exit>, Raise>;
@@ -410,7 +413,15 @@ impl Machine {
             output_limit: self.limits.output,
             host,
         });
-        (native.run)(&mut ctx, args)
+        let before = live::bytes();
+        let next = (native.run)(&mut ctx, args)?;
+        // A round is long enough to take all memory there is, call by call. Small calls wait for its
+        // end: clean-up and handlers need a few.
+        let taken = live::bytes().saturating_sub(before);
+        if taken > LARGE && live::bytes() > self.limits.memory {
+            self.check_memory()?;
+        }
+        Ok(next)
     }
 
     /// Does what a native wants next.
