@@ -1,7 +1,8 @@
 //! A program of the tests: its text, the options in its first comments, and how it is run.
 //!
 //! Lines `;! fuel 1000` at the start of a file set options: `fuel depth memory nodes output` are
-//! limits, `seed` is the seed, `allow clock` a grant, `treatments none` leaves only the plain run.
+//! limits, `seed` is the seed, `allow clock` a grant, `treatments none` leaves only the plain run,
+//! `oracle none` all but the oracle (it does not word refusals and names as the machine does).
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -21,6 +22,8 @@ pub struct Program {
     pub text: String,
     /// Run it under the treatments as well.
     pub treated: bool,
+    /// Run it on the oracle as well.
+    pub compared: bool,
     options: Options,
 }
 
@@ -65,8 +68,13 @@ impl Program {
     /// Reads a program and its options.
     pub fn read(path: &Path) -> Program {
         let text = std::fs::read_to_string(path).unwrap_or_else(|why| panic!("{}: {why}", path.display()));
-        let mut program =
-            Program { path: path.into(), options: Options::default(), treated: true, text: text.clone() };
+        let mut program = Program {
+            path: path.into(),
+            options: Options::default(),
+            treated: true,
+            compared: !text.contains("(use ") && !text.contains(";! allow"),
+            text: text.clone(),
+        };
         // An expectation does not depend on the limits of the machine that runs it.
         for line in text.lines() {
             let Some(option) = line.strip_prefix(";! ") else { break };
@@ -89,14 +97,19 @@ impl Program {
             "seed" => *seed = number(),
             "allow" => grants.allow(value).expect("a grant that exists"),
             "treatments" => self.treated = value != "none",
+            "oracle" => self.compared &= value != "none",
             _ => panic!("{}: there is no option {key}", self.path.display()),
         }
     }
 
     /// The same program in another file.
     pub fn moved_to(&self, path: PathBuf) -> Program {
-        let options = Options { limits: self.options.limits.clone(), ..self.options.clone() };
-        Program { path, text: String::new(), treated: self.treated, options }
+        Program { path, text: self.text.clone(), options: self.options.clone(), ..*self }
+    }
+
+    /// The seed of its draws.
+    pub fn seed(&self) -> u64 {
+        self.options.seed
     }
 
     /// Runs the program, stopping where it is told, with the answers of a log as far as it goes.

@@ -6,6 +6,8 @@
 use std::path::{Path, PathBuf};
 
 use crate::expected::difference;
+use crate::oracle::both::{Verdict, compare};
+use crate::oracle::with_large_stack;
 use crate::program::{Program, Ran, Stops, files_below};
 
 /// Programs that take no more fuel are stopped at each step.
@@ -39,7 +41,27 @@ pub fn differences(program: &Program, plain: &Ran) -> Vec<String> {
         "formatted",
         &program.moved_to(formatted(&program.path)).run(&Stops::Never, Some(plain.log.clone())),
     );
+    if program.compared {
+        problems.extend(on_the_oracle(program).map(|what| format!("{} {what}", program.path.display())));
+    }
     problems
+}
+
+/// In what the oracle's run differs from the machine's; nothing if the oracle cannot run the program.
+fn on_the_oracle(program: &Program) -> Option<String> {
+    let (text, seed) = (&program.text, program.seed());
+    let (machine, oracle) = match with_large_stack(|| compare(text, seed)) {
+        Verdict::Different(machine, oracle) => (machine, oracle),
+        Verdict::Errors(errors) => return Some(format!("has errors:\n{errors}")),
+        Verdict::Same(_) | Verdict::NotCompared(_) => return None,
+    };
+    let parts = [
+        ("outcome", machine.outcome, oracle.outcome),
+        ("output", machine.output, oracle.output),
+        ("tree", machine.tree, oracle.tree),
+    ];
+    let (part, machine, oracle) = parts.into_iter().find(|(_, machine, oracle)| machine != oracle)?;
+    Some(format!("on the oracle, {part} (expected is the machine's):\n{}", difference(&machine, &oracle)))
 }
 
 fn sorted(stops: Stops) -> Stops {

@@ -569,6 +569,10 @@ impl<'p> Oracle<'p> {
         for (key, value) in fields {
             failure.fields.push((*key, self.value(here, value)?));
         }
+        // First what the type says, in its order, then the others by their names.
+        let known = &self.world.program().failures.get(kind).expect("the compiler knows the types").fields;
+        let place = |name| known.iter().position(|field| *field == name).unwrap_or(known.len());
+        failure.fields.sort_by_key(|(name, _)| (place(*name), name.as_str()));
         Ok(failure)
     }
 
