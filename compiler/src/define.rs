@@ -398,7 +398,14 @@ impl Compiler<'_> {
         if ids.is_empty() {
             ids.push(vm::Builtin::PlanFailure.id());
         }
-        let id = self.program.failures.define(name, ids, fields, doc.clone());
+        let known = self.modules.get(work.module).names.get(&name).map(|known| known.meaning.clone());
+        let id = match known {
+            Some(Meaning::Failure(id)) if work.again => {
+                self.program.failures.define_again(id, name, ids, fields, doc.clone());
+                id
+            }
+            _ => self.program.failures.define(name, ids, fields, doc.clone()),
+        };
         self.define(work, name, Meaning::Failure(id), doc, form);
     }
 

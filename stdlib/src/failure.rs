@@ -43,10 +43,10 @@ fn fields(args: &[Value]) -> Result<Value, Raise> {
 fn is_a(ctx: &mut Ctx<'_>, args: &[Value]) -> Result<Next, Raise> {
     let name = args[1].as_symbol().ok_or_else(|| type_error("the name of a failure type", &args[1]))?;
     let types = &ctx.program.failures;
-    let of = types
-        .find(name)
-        .ok_or_else(|| range_error(format!("no failure type is called `{name}`"), &args[1]))?;
-    let is_one = args[0].as_failure().is_some_and(|failure| types.is_a(failure.kind, of));
+    if types.find(name).is_none() {
+        return Err(range_error(format!("no failure type is called `{name}`"), &args[1]));
+    }
+    let is_one = args[0].as_failure().is_some_and(|failure| types.is_named(failure.kind, name));
     Ok(Value::bool(is_one).into())
 }
 

@@ -248,7 +248,7 @@ impl Default for FailureTypes {
 }
 
 impl FailureTypes {
-    /// The type of this name.
+    /// The type of this name, the first if there are several: the machine's own.
     #[must_use]
     pub fn find(&self, name: Symbol) -> Option<TypeId> {
         self.by_name.get(&name).copied()
@@ -262,7 +262,7 @@ impl FailureTypes {
     pub fn iter(&self) -> impl Iterator<Item = &FailureType> {
         self.types.iter()
     }
-    /// Adds a type; one of the same name is replaced and keeps its number.
+    /// Adds a type. Another one may have its name: each file has its own.
     pub fn define(
         &mut self,
         name: Symbol,
@@ -270,7 +270,19 @@ impl FailureTypes {
         own: Vec<Symbol>,
         doc: Option<Box<str>>,
     ) -> TypeId {
-        let id = self.find(name).unwrap_or(TypeId(self.types.len() as u32));
+        let id = TypeId(self.types.len() as u32);
+        self.define_again(id, name, parents, own, doc);
+        id
+    }
+    /// Puts another type in the place of one, as a REPL does, or adds it.
+    pub fn define_again(
+        &mut self,
+        id: TypeId,
+        name: Symbol,
+        parents: Vec<TypeId>,
+        own: Vec<Symbol>,
+        doc: Option<Box<str>>,
+    ) {
         let mut ancestors = vec![id];
         let mut fields = Vec::new();
         for parent in parents.iter().filter_map(|parent| self.get(*parent)) {
@@ -287,8 +299,13 @@ impl FailureTypes {
             Some(old) => *old = it,
             None => self.types.push(it),
         }
-        self.by_name.insert(name, id);
-        id
+        self.by_name.entry(name).or_insert(id);
+    }
+    /// True if `kind`, or a type above it, has this name.
+    #[must_use]
+    pub fn is_named(&self, kind: TypeId, name: Symbol) -> bool {
+        let above = self.get(kind).map_or(&[][..], |it| &it.ancestors);
+        above.iter().filter_map(|of| self.get(*of)).any(|it| it.name == name)
     }
     /// True if `kind` is `of` or below it.
     #[must_use]
