@@ -226,7 +226,13 @@ impl Compiler<'_> {
 
     fn lower(&mut self, id: FnId, function: &ast::Function) {
         self.keep(id, function);
+        let inner = self.program.functions.len() as u32;
         let errors = lower::lower(self.program, id, function);
+        // The functions inside of it are at home where it is.
+        if let Some(home) = self.home(id) {
+            let inner = inner..self.program.functions.len() as u32;
+            self.homes.extend(inner.map(|id| (FnId(id), home)));
+        }
         self.reports.extend(errors.into_iter().map(Report::Compile));
         debug_assert!(
             !self.reports.iter().all(Report::is_warning) || vm::verify::function(self.program, id).is_empty(),

@@ -120,6 +120,8 @@ pub struct Accepted {
     pub edit: Rc<Edit>,
     /// The name of what was called at the slot when the edit was made.
     pub callee: Symbol,
+    /// The plan that this was; none for a description.
+    pub plan: Option<FnId>,
     /// Its code.
     pub code: Option<FnId>,
     /// The slots that a `defer` or `owe` names after `:after`.

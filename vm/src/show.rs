@@ -39,12 +39,9 @@ pub fn params(program: &Program, tree: &Tree, rec: RecId) -> Vec<(Symbol, Value)
 }
 
 fn plan_params(program: &Program, tree: &Tree, slot: SlotId) -> Vec<Symbol> {
-    let slot = tree.slot(slot);
-    let callee = program.sites.get(slot.key.site.at()).and_then(|site| site.callee);
-    let function = match callee {
-        Some(callee) => program.functions.get(callee.at()),
-        None => program.functions.iter().rfind(|function| function.name == slot.name),
-    };
+    let site = program.sites.get(tree.slot(slot).key.site.at());
+    let callee = site.and_then(|site| site.callee).or_else(|| tree.called(slot));
+    let function = callee.and_then(|callee| program.functions.get(callee.at()));
     function.map_or_else(Vec::new, |function| function.params.names.clone())
 }
 

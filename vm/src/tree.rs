@@ -18,6 +18,7 @@ use std::collections::BTreeMap;
 
 use rustc_hash::FxHashMap;
 
+use crate::code::FnId;
 use crate::edit::Accepted;
 use crate::key::{Key, Keys};
 use crate::random::mix;
@@ -58,6 +59,8 @@ pub struct Slot {
     edits: u32,
     /// Index of its children: a position in [`Tree::index`] plus one, or zero.
     index: u32,
+    /// The plan that was called last, where the source does not say which; zero if it does.
+    plan: FnId,
 }
 
 /// What became of a task.
@@ -406,6 +409,7 @@ impl Tree {
             rec: RecId(0),
             edits: 0,
             index: 0,
+            plan: FnId(0),
         });
         slot
     }
@@ -512,6 +516,17 @@ impl Tree {
     /// What few records have, made if it is missing.
     pub fn extra_mut(&mut self, rec: RecId) -> &mut Extra {
         self.extras.entry(rec).or_default()
+    }
+
+    /// Notes the plan that is called at a slot whose site does not say which.
+    pub(crate) fn calls(&mut self, slot: SlotId, plan: FnId) {
+        self.slots.get_mut(slot.0).plan = plan;
+    }
+
+    /// The plan that was called at a slot, where the source does not say which.
+    #[must_use]
+    pub fn called(&self, slot: SlotId) -> Option<FnId> {
+        Some(self.slots.get(slot.0).plan).filter(|plan| *plan != FnId(0))
     }
 
     /// Puts other parameters in the place of those of a record.

@@ -243,7 +243,9 @@ impl Compiler<'_> {
         let locals = scope.all_names();
         let candidates = locals.iter().chain(&visible).map(|it| it.as_str());
         let near = nearest(&name, candidates.chain(special::NAMES.iter().copied()));
+        let form = special::SHAPES.iter().find(|(known, _)| name == *known);
         let help = match near {
+            _ if form.is_some() => form.map(|(_, shape)| format!("it is the head of a form: {shape}")),
             Some(near) => Some(format!("did you mean `{near}`?")),
             None if name.starts_with('?') => {
                 Some(format!("bind `{name}`, for example with `let` or `dolist`"))

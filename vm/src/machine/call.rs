@@ -467,7 +467,11 @@ impl Machine {
     ) -> Slow {
         let name = self.program.functions[callee.at()].name;
         let slot = self.slot_of_call(site, name);
+        let is_dynamic = self.program.sites[site.at()].callee.is_none();
         let run = self.top();
+        if is_dynamic {
+            run.tree.calls(slot, callee);
+        }
         let parent = run.record(run.here);
         if run.tree.edits_of(slot).is_empty() {
             let rec = run.tree.enter(parent, slot, NodeKind::Plan, &args, run.now);

@@ -176,6 +176,7 @@ impl Machine {
         self.runs.push(run);
         let name = self.program.functions[function.at()].name;
         let slot = self.slot_of_call(SiteId(0), name);
+        self.top().tree.calls(slot, function);
         match self.drive(host, 0, Call::of_plan(slot, RecId(1), function, args)) {
             Ok(exit) => Ok(exit),
             Err(raise) => Ok(self.unwind(host, raise)),
@@ -311,7 +312,8 @@ impl Machine {
             Body::Plan(function) => self.program.functions[function.at()].name,
             Body::Action => self.runs[self.runs.len() - 1].tree.slot(call.slot).name,
         };
-        if callee != accepted.callee {
+        let is_other_plan = matches!((call.body, accepted.plan), (Body::Plan(now), Some(then)) if now != then);
+        if callee != accepted.callee || is_other_plan {
             return Some(format!(
                 "{word} not applied: it was made for `{}`, the call is of `{callee}`",
                 accepted.callee

@@ -62,9 +62,9 @@ impl Machine {
         };
         self.check_value(tree, slot, edit)?;
         let plan = self.plan_at(tree, slot)?;
-        let site = &self.program.sites[tree.slot(slot).key.site.at()];
-        let is_action = self.program.ground == Some(plan);
-        let home = if is_action { site.owner } else { plan };
+        // The code means what its words mean where it was written: there the edit is made.
+        let at = self.top().pc.checked_sub(1).map(crate::code::Pc);
+        let home = at.and_then(|at| self.program.function_at(at)).unwrap_or(plan);
         let code = match &edit.what {
             What::Replace(code) | What::Wrap(code) => Some((code, true)),
             What::Before(code) | What::After(code) | What::Owe { code, .. } => Some((code, false)),
@@ -76,12 +76,13 @@ impl Machine {
             }
             None => None,
         };
-        let callee = tree.slot(slot).name;
+        let is_action = self.program.ground == Some(plan);
+        let (callee, plan) = (tree.slot(slot).name, (!is_action).then_some(plan));
         let between = after
             .iter()
             .filter_map(|q| Some((*q, super::obligation::between(&self.program, tree, slot, *q)?)));
         let between = between.collect();
-        Ok((slot, Accepted { edit: Rc::new(edit.clone()), callee, code, after, between }))
+        Ok((slot, Accepted { edit: Rc::new(edit.clone()), callee, plan, code, after, between }))
     }
 
     /// A call whose value is used can be left out only with another value in its place.
@@ -116,17 +117,9 @@ impl Machine {
         if let Some(plan) = self.program.sites[tree.slot(slot).key.site.at()].callee {
             return Ok(plan);
         }
-        let name = tree.slot(slot).name;
-        let by_name = self
-            .program
-            .functions
-            .iter()
-            .rposition(|function| function.name == name && function.kind == crate::code::FnKind::Plan);
         let is_action = tree.shown(slot).is_some_and(|rec| tree.record(rec).kind == NodeKind::Action);
-        match by_name {
-            Some(at) if !is_action => Ok(FnId(at as u32)),
-            _ => self.program.ground.ok_or_else(|| format!("`{name}` is no plan of the program")),
-        }
+        let called = tree.called(slot).filter(|_| !is_action).or(self.program.ground);
+        called.ok_or_else(|| format!("`{}` is no plan of the program", tree.slot(slot).name))
     }
 }
 
