@@ -207,6 +207,7 @@ impl Tree {
         let mirror = vm::edit::Accepted {
             edit,
             callee: accepted.callee,
+            plan: None,
             code,
             after: Vec::new(),
             between: Default::default(),
