@@ -609,12 +609,13 @@ impl Compiler<'_> {
             }
         };
         move_to(&mut code, span);
-        let scope = Scope::new(module, FnKind::Inserted).with_original(original);
         // What was not given has its default in the code as in the plan, in whose module it stands.
         let params = self.plan_params.get(&plan).cloned();
         let params = params.unwrap_or_else(|| ParamForms::of_names(&names, span));
-        self.within.extend(self.home(plan));
-        let function = self.function(scope, name, &params, std::slice::from_ref(&code), span);
+        let at_home = self.home(plan).unwrap_or(module);
+        let scope = Scope::new(at_home, FnKind::Inserted).with_original(original);
+        self.within.push(at_home);
+        let function = self.function_in(scope, module, name, &params, std::slice::from_ref(&code), span);
         self.within.clear();
         self.lower(id, &function);
         id

@@ -519,7 +519,7 @@ impl Tree {
     }
 
     /// Notes the plan that is called at a slot whose site does not say which.
-    pub(crate) fn calls(&mut self, slot: SlotId, plan: FnId) {
+    pub fn calls(&mut self, slot: SlotId, plan: FnId) {
         self.slots.get_mut(slot.0).plan = plan;
     }
 

@@ -476,13 +476,28 @@ impl Compiler<'_> {
     /// Resolves a function with its parameters.
     pub(crate) fn function(
         &mut self,
+        scope: Scope,
+        name: Symbol,
+        params: &ParamForms,
+        body: &[Form],
+        span: Span,
+    ) -> Function {
+        let module = scope.module;
+        self.function_in(scope, module, name, params, body, span)
+    }
+
+    /// The same, where the body means what it means in another module than the parameters.
+    pub(crate) fn function_in(
+        &mut self,
         mut scope: Scope,
+        module: ModuleId,
         name: Symbol,
         params: &ParamForms,
         body: &[Form],
         span: Span,
     ) -> Function {
         let (inputs, destructured) = self.bind_params(&mut scope, params);
+        scope.module = module;
         let mut body = self.body(&mut scope, body);
         if !destructured.is_empty() {
             let inner = std::mem::take(&mut body);
