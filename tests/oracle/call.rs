@@ -303,6 +303,10 @@ impl<'p> Oracle<'p> {
         let slot = self.run.tree.slot(here.rec, (site, steps), name, |site| hashes[site.at()]);
         let it = &mut self.run.tree.slots[slot];
         (it.place, it.plan, it.home, it.value_used) = (here.place.clone(), plan, here.owner, value_used);
+        let mirror = it.mirror;
+        if let Some(plan) = plan {
+            self.run.tree.mirror.calls(mirror, plan);
+        }
         Ok(slot)
     }
 

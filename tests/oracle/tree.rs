@@ -42,7 +42,7 @@ pub struct Slot {
     pub records: Vec<usize>,
     /// The slots below it that this run reached, in the order of their first calls.
     pub children: Vec<usize>,
-    mirror: SlotId,
+    pub mirror: SlotId,
 }
 
 impl Slot {
