@@ -46,7 +46,10 @@ fuzz_target!(|bytes: &[u8]| {
         let _ = session.run_text("fuzz.plan", text);
         let (program, tree) = (&session.machine.program, session.machine.tree());
         for rec in tree.records() {
-            assert!(tree.record(rec).status.is_final() || rec == vm::tree::RecId(1), "a run ends what it began");
+            assert!(
+                tree.record(rec).status.is_final() || rec == vm::tree::RecId(1),
+                "a run ends what it began"
+            );
         }
         let _ = vm::show::json(program, tree).to_string();
         let _ = vm::show::text(program, tree, 1_000);

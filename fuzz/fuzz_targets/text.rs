@@ -17,7 +17,11 @@ fuzz_target!(|bytes: &[u8]| {
         let printed = form.to_string();
         if parsed.errors.is_empty() {
             let again = grammar::parse(FileId(0), &printed);
-            assert_eq!((lines(&again.forms), again.errors), (printed, Vec::new()), "a printed form reads back");
+            assert_eq!(
+                (lines(&again.forms), again.errors),
+                (printed, Vec::new()),
+                "a printed form reads back"
+            );
         }
     }
     let _ = grammar::completeness(text);
@@ -25,7 +29,11 @@ fuzz_target!(|bytes: &[u8]| {
         Err(errors) => assert_eq!(errors, parsed.errors),
         Ok(formatted) => {
             let again = grammar::parse(FileId(0), &formatted);
-            assert_eq!((lines(&again.forms), again.errors), (lines(&parsed.forms), Vec::new()), "the same forms");
+            assert_eq!(
+                (lines(&again.forms), again.errors),
+                (lines(&parsed.forms), Vec::new()),
+                "the same forms"
+            );
             assert_eq!(again.comments.len(), parsed.comments.len(), "the same comments");
             assert_eq!(grammar::format(&formatted), Ok(formatted), "formatted twice is formatted once");
         }

@@ -25,11 +25,54 @@ impl Chance {
 
 /// Words that a program may be made of besides its own.
 const WORDS: &[&str] = &[
-    "nil", "true", "'()", "0", "1", "-1", "2.5", "9223372036854775807", "+nan", "\"text\"", ":key", "'milk", "[1 2]", "{:a 1}",
-    "(an object (type milk))", "(list 1 2 3)", "(lambda (x) x)", "(fail plan-failure)", "(retry)", "(return 1)", "(propagate)",
-    "(loop)", "(first 5)", "(run-plan main)", "(path main)", "(skip (path main))", "(original)", "(dotimes (i 3) i)",
-    "(dolist (x '(a b a)) x)", "(unwind-protect 1 2)", "(with-failure-handling ((failure (e) (return e))) (first 5))",
-    "(set! x 1)", "(incf x)", "(apply list '(1 2))", "(perform (an action (type going)))", "(random 5)", "(now)", "main", "x", "e",
+    "nil",
+    "true",
+    "'()",
+    "0",
+    "1",
+    "-1",
+    "2.5",
+    "9223372036854775807",
+    "+nan",
+    "\"text\"",
+    ":key",
+    "'milk",
+    "[1 2]",
+    "{:a 1}",
+    "(an object (type milk))",
+    "(list 1 2 3)",
+    "(lambda (x) x)",
+    "(fail plan-failure)",
+    "(retry)",
+    "(return 1)",
+    "(propagate)",
+    "(loop)",
+    "(first 5)",
+    "(run-plan main)",
+    "(path main)",
+    "(skip (path main))",
+    "(original)",
+    "(dotimes (i 3) i)",
+    "(dolist (x '(a b a)) x)",
+    "(unwind-protect 1 2)",
+    "(with-failure-handling ((failure (e) (return e))) (first 5))",
+    "(set! x 1)",
+    "(incf x)",
+    "(apply list '(1 2))",
+    "(perform (an action (type going)))",
+    "(random 5)",
+    "(now)",
+    "main",
+    "x",
+    "e",
+    "(tree-text (run-plan main))",
+    "(edit-tree (run-plan main) (list (wrap (path main) '(original))))",
+    "(defer (path main) :after (path main))",
+    "(owe (path main) '(print 1) :after (path main) :as 'owed)",
+    "(before (path main) '(print 1))",
+    "(with-retry-counters ((n 2)) (do-retry n 1))",
+    "(def-failure slipped ())",
+    "(matches (an object (type ?t)) x)",
 ];
 
 fn word(chance: &mut Chance) -> Form {
@@ -91,11 +134,27 @@ fn change(forms: &mut Vec<Form>, chance: &mut Chance) {
 
 fn wrap(target: &mut Form, chance: &mut Chance) {
     let inner = std::mem::replace(target, Form::new(FormKind::Int(0), Span::default()));
-    let heads: &[&str] = &["seq", "list", "loop", "unwind-protect", "lambda", "when", "let", "dolist", "def-plan", "quote", "run-plan", "edit-tree"];
+    let heads: &[&str] = &[
+        "seq",
+        "list",
+        "loop",
+        "unwind-protect",
+        "lambda",
+        "when",
+        "let",
+        "dolist",
+        "def-plan",
+        "quote",
+        "run-plan",
+        "edit-tree",
+    ];
     let symbol = |name: &str| Form::new(FormKind::Symbol(Symbol::from(name)), Span::default());
     let head: &&str = chance.one_of(heads);
     target.kind = match chance.below(4) {
-        0 => FormKind::Prefixed(*chance.one_of(&[Prefix::Quote, Prefix::Quasi, Prefix::Unquote, Prefix::Splice]), Box::new(inner)),
+        0 => FormKind::Prefixed(
+            *chance.one_of(&[Prefix::Quote, Prefix::Quasi, Prefix::Unquote, Prefix::Splice]),
+            Box::new(inner),
+        ),
         1 => FormKind::Vector(vec![inner]),
         _ => FormKind::List(vec![symbol(head), inner]),
     };
@@ -141,12 +200,12 @@ fn part_mut<'f>(forms: &'f mut [Form], number: &mut usize) -> Option<&'f mut For
         let found = match &mut form.kind {
             FormKind::List(items) | FormKind::Vector(items) => part_mut(items, number),
             FormKind::Prefixed(_, inner) => part_mut(std::slice::from_mut(inner), number),
-            FormKind::Map(pairs) => pairs.iter_mut().find_map(|(key, value)| {
-                match part_mut(std::slice::from_mut(key), number) {
+            FormKind::Map(pairs) => {
+                pairs.iter_mut().find_map(|(key, value)| match part_mut(std::slice::from_mut(key), number) {
                     Some(found) => Some(found),
                     None => part_mut(std::slice::from_mut(value), number),
-                }
-            }),
+                })
+            }
             _ => None,
         };
         if found.is_some() {
