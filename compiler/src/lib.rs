@@ -155,6 +155,9 @@ impl Default for Front {
     }
 }
 
+/// So many mistakes are told apart, as in a text that cannot be read; nobody reads more.
+const MOST_REPORTS: usize = grammar::parse::MAX_ERRORS + 1;
+
 /// The compiler at work on a program.
 pub(crate) struct Compiler<'p> {
     front: &'p mut Front,
@@ -378,6 +381,11 @@ impl Front {
         let init = work(&mut compiler);
         let mut reports = compiler.reports;
         reports.sort_by_key(|report| (report.span().file, report.span().start, report.span().end));
+        if reports.len() > MOST_REPORTS && !reports.iter().all(Report::is_warning) {
+            let (more, at) = (reports.len() - MOST_REPORTS, reports[MOST_REPORTS - 1].span());
+            reports.truncate(MOST_REPORTS);
+            reports.push(Report::Parse(ParseError::TooMany { more, at }));
+        }
         Loaded { init, reports }
     }
 
