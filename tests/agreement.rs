@@ -10,7 +10,7 @@ const PROGRAMS: u64 = 10_000;
 
 /// FIXME: on so many of these the two may still differ, all in edits of runs that are run again. Each is
 /// to be settled by the rules of edits and obligations (`vm/OBLIGATIONS.md`); then this is 0.
-const MOST_DIFFERENT: usize = 90;
+const MOST_DIFFERENT: usize = 50;
 
 #[test]
 fn machine_and_oracle_agree_on_random_programs() {

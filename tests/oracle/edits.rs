@@ -182,7 +182,9 @@ fn awaited(tree: &Tree, slot: usize, paths: &[Path], own: bool) -> Result<Vec<ob
         if tree.is_within(other, slot) || tree.is_within(slot, other) {
             return Err(format!("{} and the call are part of each other", path.show()));
         }
-        after.push(obligations::Awaited::of(tree, slot, other));
+        if !after.iter().any(|known: &obligations::Awaited| known.slot == other) {
+            after.push(obligations::Awaited::of(tree, slot, other));
+        }
     }
     Ok(after)
 }

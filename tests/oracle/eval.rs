@@ -23,7 +23,7 @@ use vm::value::{Imm, Map, Obj, Symbol, Value};
 use super::call::{Call, Original};
 use super::forms::{Part, Place};
 use super::obligations::{Form, Obligation, branches};
-use super::tree::Tree;
+use super::tree::{Counts, Tree};
 use super::{MOST_DEPTH, MOST_FUEL, Ran, Trees, World};
 
 /// How control leaves an expression without a value.
@@ -146,6 +146,8 @@ impl Here {
 pub struct Handler<'p> {
     pub clauses: &'p [Clause],
     pub here: Here,
+    /// How often calls had been made when its body was entered.
+    pub counts: Counts,
 }
 
 /// A tree being grown.
@@ -562,32 +564,30 @@ impl<'p> Oracle<'p> {
         kind: TypeId,
         fields: &'p [(Symbol, Expr)],
     ) -> Result<Failure, Exit<'p>> {
-        let mut failure = Failure::new(Builtin::Failure, "");
-        failure.kind = kind;
-        failure.name = self.world.program().failures.get(kind).expect("the compiler knows the types").name;
-        failure.fields.clear();
+        let mut given = Vec::new();
         for (key, value) in fields {
-            failure.fields.push((*key, self.value(here, value)?));
+            given.push((*key, self.value(here, value)?));
         }
         // First what the type says, in its order, then the others by their names.
-        let known = &self.world.program().failures.get(kind).expect("the compiler knows the types").fields;
-        let place = |name| known.iter().position(|field| *field == name).unwrap_or(known.len());
-        failure.fields.sort_by_key(|(name, _)| (place(*name), name.as_str()));
-        Ok(failure)
+        let it = self.world.program().failures.get(kind).expect("the compiler knows the types");
+        let place = |key: &Symbol| it.fields.iter().position(|field| field == key).unwrap_or(usize::MAX);
+        given.sort_by(|(a, _), (b, _)| (place(a), a.as_str()).cmp(&(place(b), b.as_str())));
+        Ok(Failure::of_type(kind, it.name, given))
     }
 
     fn handle(&mut self, here: &Here, clauses: &'p [Clause], body: &'p [Expr], usage: Use) -> Eval<'p> {
         loop {
             let counts = self.run.tree.records[here.rec].counts.clone();
-            self.run.handlers.push(Handler { clauses, here: here.clone() });
+            self.run.handlers.push(Handler { clauses, here: here.clone(), counts: counts.clone() });
             let result = self.form(here, Part::Guarded, |it, here| it.body(here, body, usage));
             self.run.handlers.pop();
             let Err(Exit::Fail(failure)) = result else { return result };
             match self.take(here, clauses, failure)? {
                 Some(value) => return Ok(value),
                 None => {
-                    // Back to the beginning of the body.
+                    // Back to the beginning of the body: nothing of the form is over.
                     self.burn()?;
+                    self.form_restarts();
                     self.run.tree.records[here.rec].counts = counts;
                 }
             }

@@ -101,21 +101,19 @@ fn between(tree: &Tree, mine: &Place, theirs: &Place) -> Option<Vec<Step>> {
     Some(keys.get(position(first)? + 1..position(last)?).unwrap_or_default().to_vec())
 }
 
-/// Refuses a `defer` by which calls would wait for each other. (7)
+/// Refuses a `defer` by which calls would wait for each other. Of several that it waits for a call
+/// takes one that is still to come, so only what waits for one place can be part of a circle. (2, 7)
 pub fn check_cycle(tree: &Tree, slot: usize, after: &[Awaited]) -> Result<(), String> {
-    let mut todo: Vec<usize> = after.iter().map(|it| it.slot).collect();
-    let mut seen = Vec::new();
-    while let Some(at) = todo.pop() {
+    let single = |after: &[Awaited]| if let [awaited] = after { Some(awaited.slot) } else { None };
+    let mut next = single(after);
+    for _ in 0..=tree.edits.len() {
+        let Some(at) = next else { return Ok(()) };
         if at == slot {
             return Err("calls would wait for each other".into());
         }
-        if seen.contains(&at) {
-            continue;
-        }
-        seen.push(at);
-        let edits = tree.slots[at].edits.iter().map(|id| &tree.edits[*id]);
-        let defers = edits.filter(|accepted| matches!(accepted.edit.what, What::Defer(_)));
-        todo.extend(defers.flat_map(|accepted| accepted.after.iter().map(|it| it.slot)));
+        let edits = tree.slots[at].edits.iter().rev().map(|id| &tree.edits[*id]);
+        let mut defers = edits.filter(|accepted| matches!(accepted.edit.what, What::Defer(_)));
+        next = defers.find_map(|accepted| single(&accepted.after));
     }
     Ok(())
 }
@@ -162,6 +160,11 @@ impl<'p> Oracle<'p> {
             let place = form.place.clone();
             self.run.tree.loops.push((place, keys.clone()));
         }
+    }
+
+    /// A retry: the parts of the running form are still to come.
+    pub fn form_restarts(&mut self) {
+        self.run.forms.last_mut().expect("the root is a form").ended.clear();
     }
 
     /// True if a form from number `first` on owes something.
@@ -234,7 +237,8 @@ impl<'p> Oracle<'p> {
         let accepted = self.run.tree.edits[*id].clone();
         let found = self.last_to_come(call, &accepted.after);
         let Some((form, after, side)) = found else {
-            self.run.tree.records[call.rec].notes.push("defer not applied".into());
+            let note = "defer not applied: what it waits for is over, or does not come as expected";
+            self.run.tree.records[call.rec].notes.push(note.into());
             return false;
         };
         let goals = self.move_goals(form);
@@ -389,8 +393,12 @@ impl<'p> Oracle<'p> {
         let mut result = self.attempt_of(&owed).map(drop);
         let mut around = owed.handlers.clone();
         while let Err(Exit::Fail(failure)) = &result {
-            let Some(Handler { clauses, here }) = around.pop() else { break };
-            match self.take(&here, clauses, failure.clone()) {
+            let Some(Handler { clauses, here, counts: before }) = around.pop() else { break };
+            // Calls in a handler are attempts, one for each run of it.
+            let now = std::mem::replace(&mut self.run.tree.records[here.rec].counts, before);
+            let taken = self.take(&here, clauses, failure.clone());
+            self.run.tree.records[here.rec].counts = now;
+            match taken {
                 Ok(Some(_)) => result = Ok(()),
                 Ok(None) => {
                     self.burn()?;
@@ -439,7 +447,8 @@ impl<'p> Oracle<'p> {
             let (Some(goal), Status::Succeeded) = (&call.goal, self.run.tree.records[*rec].status) else {
                 continue;
             };
-            if !self.ask_goal(&holder, goal)? {
+            let here = Here { rec: *rec, ..holder.clone() };
+            if !self.ask_goal(&here, goal)? {
                 return self.goal_not_reached(&holder, call.slot);
             }
         }

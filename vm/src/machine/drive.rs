@@ -312,7 +312,8 @@ impl Machine {
             Body::Plan(function) => self.program.functions[function.at()].name,
             Body::Action => self.runs[self.runs.len() - 1].tree.slot(call.slot).name,
         };
-        let is_other_plan = matches!((call.body, accepted.plan), (Body::Plan(now), Some(then)) if now != then);
+        let is_other_plan =
+            matches!((call.body, accepted.plan), (Body::Plan(now), Some(then)) if now != then);
         if callee != accepted.callee || is_other_plan {
             return Some(format!(
                 "{word} not applied: it was made for `{}`, the call is of `{callee}`",
