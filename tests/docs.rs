@@ -1,8 +1,10 @@
 //! Programs in documents: examples in docstrings, `examples/`, blocks of Markdown files.
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use compiler::Report;
+use compiler::module::is_private;
 use grammar::{FileId, Form};
 use pleach::{Ended, Options, Session};
 
@@ -243,4 +245,67 @@ fn check_failing(text: &str) -> Result<(), String> {
         Ended::Ran(Ok(_)) => Err("it has no error and does not fail".into()),
         _ => Ok(()),
     }
+}
+
+// ---------------------------------------------------------------------------------------------
+// The reference names everything
+
+const REFERENCE: &str = "grammar/REFERENCE.md";
+
+/// The parts of a text between backticks; the text in them may have fewer of these.
+fn spans(text: &str) -> Vec<&str> {
+    let mut spans = Vec::new();
+    let mut rest = text;
+    while let Some(start) = rest.find('`') {
+        let count = rest[start..].chars().take_while(|c| *c == '`').count();
+        let (fence, inner) = rest[start..].split_at(count);
+        let Some((span, after)) = inner.split_once(fence) else { break };
+        spans.push(span);
+        rest = after;
+    }
+    spans
+}
+
+/// All words in the code of a document: in its blocks, and between backticks.
+fn words_in_code(text: &str) -> BTreeSet<String> {
+    let letter = |c: char| c.is_alphanumeric() || "/?!*<>=+-_%&.:@~^$".contains(c);
+    let code = blocks(text).into_iter().map(|block| block.text);
+    let code = code.chain(text.lines().flat_map(spans).map(String::from));
+    code.flat_map(|code| code.split(|c| !letter(c)).map(String::from).collect::<Vec<_>>()).collect()
+}
+
+#[test]
+fn reference_names_each_special_form_and_each_type_of_failures() {
+    let text = std::fs::read_to_string(REFERENCE).expect("it is there");
+    let words = words_in_code(&text);
+    let forms = compiler::special_forms().iter().map(|(name, _)| *name);
+    let types = vm::Builtin::ALL.iter().map(|kind| kind.name());
+    let missing: Vec<&str> = forms.chain(types).filter(|name| !words.contains(*name)).collect();
+    assert_eq!(missing, [""; 0]);
+}
+
+/// The tables of the library have a row for a name, with how it is called and what it is documented as.
+fn is_in_table(chapter: &str, name: &str, doc: &str) -> bool {
+    let heads = [format!("| `({name} "), format!("| `({name})"), format!("| `{name}`")];
+    let said = format!(" | {} |", doc.lines().next().unwrap_or_default());
+    chapter.lines().any(|line| line.ends_with(&said) && heads.iter().any(|head| line.starts_with(head)))
+}
+
+#[test]
+fn reference_has_a_line_for_each_name_of_the_library() {
+    let text = std::fs::read_to_string(REFERENCE).expect("it is there");
+    let modules = &Session::new(Options::default()).front.modules;
+    let mut problems = Vec::new();
+    for module in modules.prelude.iter().map(|id| modules.get(*id)) {
+        let heading = format!("\n### {}\n", module.name);
+        let rest = text.split_once(&heading).map_or("", |(_, rest)| rest);
+        let chapter = rest.split("\n#").next().unwrap_or_default();
+        for (name, definition) in module.names.iter().filter(|(name, _)| !is_private(**name)) {
+            let doc = definition.doc.as_deref().unwrap_or_default();
+            if !is_in_table(chapter, name.as_str(), doc) {
+                problems.push(format!("{REFERENCE} has no line for `{name}` of {}: {doc}", module.name));
+            }
+        }
+    }
+    report(&problems);
 }
