@@ -8,9 +8,9 @@ use crate::oracle::with_large_stack;
 /// How many programs are compared.
 const PROGRAMS: u64 = 10_000;
 
-/// FIXME: on so many of these the two may still differ, all in edits of runs that are run again. Each is
-/// to be settled by the rules of edits and obligations (`vm/OBLIGATIONS.md`); then this is 0.
-const MOST_DIFFERENT: usize = 50;
+/// FIXME: so many of these still differ (seeds 2705 and 9767), both where handlers run again for what
+/// was put off in functions that have returned. To be settled by `vm/OBLIGATIONS.md`; then this is 0.
+const MOST_DIFFERENT: usize = 2;
 
 #[test]
 fn machine_and_oracle_agree_on_random_programs() {
@@ -33,4 +33,14 @@ fn machine_and_oracle_agree_on_random_programs() {
             panic!("{} programs differ, the first of them:\n{}", different.len(), report(different[0]));
         }
     });
+}
+
+/// Prints what both make of the programs of some seeds:
+/// `SEEDS="8 44" cargo test --test language reports -- --ignored --nocapture`.
+#[test]
+#[ignore = "a tool for whoever looks for a difference"]
+fn reports() {
+    let seeds = std::env::var("SEEDS").unwrap_or_default();
+    let seeds: Vec<u64> = seeds.split_whitespace().filter_map(|seed| seed.parse().ok()).collect();
+    with_large_stack(|| seeds.iter().for_each(|seed| println!("{}", report(*seed))));
 }

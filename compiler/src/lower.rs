@@ -11,6 +11,8 @@ mod calls;
 mod control;
 mod test;
 
+use std::collections::BTreeMap;
+
 use grammar::Span;
 use vm::code::{
     ConstId, FnId, FnKind, FormKind, FormRange, Function as Proto, Pc, Place, Program, RoundKey, Site,
@@ -188,10 +190,14 @@ impl<'p> Lower<'p> {
             }
         }
         let owner_hash = hash_text(&self.name);
-        for (ordinal, site) in self.sites.iter_mut().enumerate() {
+        let mut seen: BTreeMap<Symbol, u64> = BTreeMap::new();
+        for site in &mut self.sites {
             site.pc.0 += entry;
             site.form += first_form;
-            site.hash = mix(owner_hash ^ mix(ordinal as u64 + 1) ^ hash_text(&site.name));
+            // Calls of other names around it do not change what it draws.
+            let ordinal = seen.entry(site.name).or_default();
+            *ordinal += 1;
+            site.hash = mix(owner_hash ^ mix(*ordinal) ^ hash_text(&site.name));
         }
         let program = self.program;
         program.code.append(&mut self.code);
@@ -243,7 +249,8 @@ impl<'p> Lower<'p> {
         let at = self.forms.len() as u32;
         let start = Pc(self.code.len() as u32);
         let parent = if at == 0 { 0 } else { self.form };
-        self.forms.push(FormRange { kind, start, end: start, parent });
+        let registers = self.next.min(MOST_REGISTERS) as u8;
+        self.forms.push(FormRange { kind, start, end: start, parent, registers });
         self.form = at;
     }
 
@@ -343,8 +350,8 @@ impl<'p> Lower<'p> {
             }
             ExprKind::Set(var, value) => self.set(*var, value, dst, used),
             ExprKind::If(test, then, other) => self.if_(test, then, other, dst, used),
-            ExprKind::And(parts) => self.and_or(parts, dst, Op::JumpIfFalse),
-            ExprKind::Or(parts) => self.and_or(parts, dst, Op::JumpIfTrue),
+            ExprKind::And(parts) => self.and_or(parts, dst, used, Op::JumpIfFalse),
+            ExprKind::Or(parts) => self.and_or(parts, dst, used, Op::JumpIfTrue),
             ExprKind::Seq(body) => self.body(body, dst, used),
             ExprKind::Case(subject, arms, otherwise) => self.case(subject, arms, otherwise, dst, used),
             ExprKind::While(test, body) => self.step(|it| it.while_(test, body, dst)),
@@ -414,8 +421,16 @@ impl<'p> Lower<'p> {
             return self.var(*var);
         }
         let register = self.register();
-        self.expr(expr, register, Use::Value);
+        self.part(expr, register);
         register
+    }
+
+    /// The value of a part of an expression. What does something is a form of its own.
+    fn part(&mut self, expr: &Expr, dst: u8) {
+        match is_simple(expr) {
+            true => self.expr(expr, dst, Use::Value),
+            false => self.step(|it| it.expr(expr, dst, Use::Value)),
+        }
     }
 
     /// The same, computed in `dst` if it needs a register: `dst` must not be a variable that
@@ -424,7 +439,7 @@ impl<'p> Lower<'p> {
         match &expr.kind {
             ExprKind::Var(_) => self.operand(expr),
             _ => {
-                self.expr(expr, dst, Use::Value);
+                self.part(expr, dst);
                 dst
             }
         }
@@ -434,7 +449,7 @@ impl<'p> Lower<'p> {
     fn in_a_row(&mut self, items: &[Expr]) -> u8 {
         let registers: Vec<u8> = items.iter().map(|_| self.register()).collect();
         for (item, register) in items.iter().zip(&registers) {
-            self.expr(item, *register, Use::Value);
+            self.part(item, *register);
         }
         registers.first().copied().unwrap_or(0)
     }
@@ -443,7 +458,7 @@ impl<'p> Lower<'p> {
         let registers: Vec<u8> = fields.iter().flat_map(|_| [0, 0]).map(|_: u8| self.register()).collect();
         for ((key, value), pair) in fields.iter().zip(registers.chunks(2)) {
             self.load(&Value::Imm(Imm::Keyword(*key)), pair[0]);
-            self.expr(value, pair[1], Use::Value);
+            self.part(value, pair[1]);
         }
         registers.first().copied().unwrap_or(0)
     }
@@ -451,7 +466,7 @@ impl<'p> Lower<'p> {
     fn desc(&mut self, kind: Symbol, properties: &[(Symbol, Expr)], dst: u8) {
         let registers: Vec<u8> = properties.iter().map(|_| self.register()).collect();
         for ((_, value), register) in properties.iter().zip(&registers) {
-            self.expr(value, *register, Use::Value);
+            self.part(value, *register);
         }
         let names = std::iter::once(kind).chain(properties.iter().map(|(key, _)| *key));
         let shape = Value::list(names.map(|name| Value::Imm(Imm::Symbol(name))).collect::<Vec<_>>());
@@ -593,7 +608,7 @@ impl<'p> Lower<'p> {
             }
             _ => {
                 let dst = self.register();
-                self.expr(expr, dst, Use::Value);
+                self.part(expr, dst);
                 self.emit(Op::Return(dst));
             }
         }

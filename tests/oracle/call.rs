@@ -302,7 +302,7 @@ impl<'p> Oracle<'p> {
         let hashes = &self.site_hashes;
         let slot = self.run.tree.slot(here.rec, (site, steps), name, |site| hashes[site.at()]);
         let it = &mut self.run.tree.slots[slot];
-        (it.place, it.plan, it.home, it.value_used) = (here.place.clone(), plan, here.owner, value_used);
+        (it.place, it.plan, it.value_used) = (here.place.clone(), plan, value_used);
         let mirror = it.mirror;
         if let Some(plan) = plan {
             self.run.tree.mirror.calls(mirror, plan);

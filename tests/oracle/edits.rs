@@ -3,7 +3,7 @@
 use std::rc::Rc;
 
 use compiler::ast::Function;
-use vm::code::FnId;
+use vm::code::{FnId, SiteId};
 use vm::edit::{Edit, What};
 use vm::failure::{Builtin, Failure};
 use vm::host::CodeRequest;
@@ -113,7 +113,7 @@ impl<'p> Oracle<'p> {
                 refused.push((value.clone(), "there is no such call".into()));
                 continue;
             };
-            match self.accept(&new, slot, edit) {
+            match self.accept(here, &new, slot, edit) {
                 Ok(accepted) => new.add_edit(slot, accepted),
                 Err(why) => refused.push((value.clone(), why)),
             }
@@ -129,7 +129,7 @@ impl<'p> Oracle<'p> {
     }
 
     /// What holds at a slot, or why the edit is refused.
-    fn accept(&mut self, tree: &Tree, slot: usize, edit: &Edit) -> Result<Accepted, String> {
+    fn accept(&mut self, here: &Here, tree: &Tree, slot: usize, edit: &Edit) -> Result<Accepted, String> {
         let it = &tree.slots[slot];
         let plan = it.plan.or(self.world.program().ground).ok_or("it is no plan of the program")?;
         let (code, original) = match &edit.what {
@@ -148,6 +148,9 @@ impl<'p> Oracle<'p> {
         };
         let after = match &edit.what {
             What::Defer(after) => awaited(tree, slot, after, false)?,
+            What::Owe { .. } if it.parent == Some(0) && it.key.0 == SiteId(0) => {
+                return Err("nothing is around the plan of a run".into());
+            }
             What::Owe { after, .. } => awaited(tree, slot, after, true)?,
             _ => Vec::new(),
         };
@@ -157,7 +160,8 @@ impl<'p> Oracle<'p> {
         let code = match code {
             None => None,
             Some(form) => {
-                let home = it.plan.or(it.home).unwrap_or(FnId(u32::MAX));
+                // Its words mean what they mean where the edit is made.
+                let home = here.owner.unwrap_or(plan);
                 let (id, function) = self.world.compile(&CodeRequest { form, plan, home, original })?;
                 let kept: &'static Rc<Function> = Box::leak(Box::new(function));
                 Some((id, &**kept))

@@ -155,6 +155,8 @@ pub struct Run<'p> {
     pub tree: Tree,
     /// The task clock, in nanoseconds.
     pub now: u64,
+    /// Fuel used in this round.
+    pub in_round: u64,
     /// The forms that are being done, outermost first.
     pub forms: Vec<Form>,
     /// What they owe, in the order of its making.
@@ -172,6 +174,7 @@ impl Run<'_> {
         Run {
             tree,
             now: 0,
+            in_round: 0,
             forms: vec![Form::default()],
             obligations,
             bodies,
@@ -213,8 +216,6 @@ pub struct Oracle<'p> {
     pub trees: Trees,
     globals: BTreeMap<GlobalId, Value>,
     output: Output,
-    /// Fuel used in this round.
-    in_round: u64,
     /// Fuel used.
     fuel: u64,
     printed: usize,
@@ -240,7 +241,6 @@ impl<'p> Oracle<'p> {
             trees: Trees::new(),
             globals: BTreeMap::new(),
             output: Output::default(),
-            in_round: 0,
             fuel: 0,
             printed: 0,
             fresh: 0,
@@ -299,11 +299,11 @@ impl<'p> Oracle<'p> {
         if self.fuel > MOST_FUEL {
             return Err(Exit::GiveUp("the program runs too long for the oracle".into()));
         }
-        if self.in_round == QUANTUM {
-            self.in_round = 0;
+        if self.run.in_round == QUANTUM {
+            self.run.in_round = 0;
             self.run.now += QUANTUM_NS;
         }
-        self.in_round += 1;
+        self.run.in_round += 1;
         Ok(())
     }
 

@@ -97,6 +97,12 @@ fn between(tree: &Tree, mine: &Place, theirs: &Place) -> Option<Vec<Step>> {
     let at = mine.iter().zip(&theirs).position(|(a, b)| a != b)?;
     let (Part::Round(first), Part::Round(last)) = (&mine[at], &theirs[at]) else { return None };
     let keys = tree.loops.iter().rev().find(|(place, _)| place.parts() == mine[..at])?.1.clone();
+    // A round without calls leaves no trace in the tree.
+    let in_tree = |key: &&Step| {
+        let round: Vec<Part> = mine[..at].iter().cloned().chain([Part::Round((*key).clone())]).collect();
+        tree.slots.iter().any(|slot| slot.place.parts().starts_with(&round))
+    };
+    let keys: Vec<Step> = keys.iter().filter(in_tree).cloned().collect();
     let position = |key: &Step| keys.iter().position(|it| it == key);
     Some(keys.get(position(first)? + 1..position(last)?).unwrap_or_default().to_vec())
 }
@@ -267,13 +273,14 @@ impl<'p> Oracle<'p> {
 
     /// The common form of a call and a slot that is still to come, its side, and its order there.
     fn ahead(&self, call: &Call, awaited: &Awaited) -> Option<(usize, Side, usize)> {
-        let form = self.common_form(call, &awaited.place)?;
+        let form = self.common_form(call, awaited)?;
         let it = &self.run.forms[form];
-        if call.here.place.parts() == awaited.place.parts() {
+        if let Some((mine, theirs)) = self.same_call(call, awaited) {
             // The same call again: it comes if it is a later one.
-            let [mine, theirs] = [call.slot, awaited.slot].map(|slot| &self.run.tree.slots[slot]);
+            let [mine, theirs] = [mine, theirs].map(|slot| &self.run.tree.slots[slot]);
+            let before = self.run.tree.slots[awaited.slot].records.len();
             let later = theirs.occurrence() > mine.occurrence();
-            return later.then_some((form, Side::Later(theirs.records.len()), awaited.order));
+            return later.then_some((form, Side::Later(before), awaited.order));
         }
         let part = it.place.part_with(&awaited.place)?;
         let mine = it.place.part_with(&call.here.place);
@@ -299,18 +306,34 @@ impl<'p> Oracle<'p> {
         Some((form, Side::Part(part), order))
     }
 
+    /// The tasks around the two, or the two themselves, that are called at one place.
+    fn same_call(&self, call: &Call, awaited: &Awaited) -> Option<(usize, usize)> {
+        let slots = &self.run.tree.slots;
+        let tasks = |slot| std::iter::successors(Some(slot), |at: &usize| slots[*at].parent);
+        let siblings = |theirs: &usize| {
+            let mine = tasks(call.slot).find(|mine| slots[*mine].parent == slots[*theirs].parent)?;
+            (mine != *theirs).then_some((mine, *theirs))
+        };
+        let (mine, theirs) = tasks(awaited.slot).find_map(|theirs| siblings(&theirs))?;
+        let mine_at = if mine == call.slot { &call.here.place } else { &slots[mine].place };
+        let theirs_at = if theirs == awaited.slot { &awaited.place } else { &slots[theirs].place };
+        (mine_at.parts() == theirs_at.parts()).then_some((mine, theirs))
+    }
+
     /// The innermost form that is being done and contains a call and another place. A place that is
     /// the call's own is another run of the loop or function around it.
-    fn common_form(&self, call: &Call, other: &Place) -> Option<usize> {
-        let (mine, theirs) = (call.here.place.parts(), other.parts());
-        let contains =
-            |form: &Form, parts: &[Part]| !form.is_shadow && parts.starts_with(&form.place.parts());
-        if mine == theirs {
-            let turn = mine.iter().rposition(|part| *part == Part::Turn);
-            let body = mine.iter().rposition(|part| matches!(part, Part::Node(_)));
-            let outer = &mine[..turn.or(body.map(|at| at + 1)).unwrap_or(0)];
+    fn common_form(&self, call: &Call, awaited: &Awaited) -> Option<usize> {
+        let (mine, theirs) = (call.here.place.parts(), awaited.place.parts());
+        if let Some((same, _)) = self.same_call(call, awaited) {
+            let place = if same == call.slot { &call.here.place } else { &self.run.tree.slots[same].place };
+            let theirs = place.parts();
+            let turn = theirs.iter().rposition(|part| *part == Part::Turn);
+            let body = theirs.iter().rposition(|part| matches!(part, Part::Node(_)));
+            let outer = &theirs[..turn.or(body.map(|at| at + 1)).unwrap_or(0)];
             return self.run.forms.iter().rposition(|form| !form.is_shadow && form.place.parts() == outer);
         }
+        let contains =
+            |form: &Form, parts: &[Part]| !form.is_shadow && parts.starts_with(&form.place.parts());
         self.run.forms.iter().rposition(|form| {
             contains(form, &mine) && contains(form, &theirs) && form.place.parts().len() < theirs.len()
         })
@@ -357,7 +380,7 @@ impl<'p> Oracle<'p> {
     /// The form that contains a call and all that it waits for, which of these is the last, and its
     /// side. With nothing to come, what is owed comes after the call itself. (2, 10)
     fn owing_form(&self, call: &Call, after: &[Awaited]) -> Option<(usize, usize, Side)> {
-        let Some(form) = after.iter().filter_map(|it| self.common_form(call, &it.place)).min() else {
+        let Some(form) = after.iter().filter_map(|it| self.common_form(call, it)).min() else {
             // The call alone: its own form owes it.
             let form =
                 self.run.forms.iter().rposition(|form| !form.is_shadow && form.rec == call.here.rec)?;
@@ -389,11 +412,14 @@ impl<'p> Oracle<'p> {
         let form = &self.run.forms[owed.form];
         let shadow = Form { place: form.place.clone(), rec: form.rec, is_shadow: true, ..Form::default() };
         let handlers = self.run.handlers.split_off(form.handlers);
+        // What is put off meanwhile is performed inside of its handlers as well.
+        self.run.handlers.extend(owed.handlers.iter().cloned());
         self.run.forms.push(shadow);
         let mut result = self.attempt_of(&owed).map(drop);
         let mut around = owed.handlers.clone();
         while let Err(Exit::Fail(failure)) = &result {
             let Some(Handler { clauses, here, counts: before }) = around.pop() else { break };
+            self.run.handlers.pop();
             // Calls in a handler are attempts, one for each run of it.
             let now = std::mem::replace(&mut self.run.tree.records[here.rec].counts, before);
             let taken = self.take(&here, clauses, failure.clone());
@@ -404,6 +430,7 @@ impl<'p> Oracle<'p> {
                     self.burn()?;
                     self.restore_counts(&counts);
                     owed.rec = self.again(&owed);
+                    self.run.handlers.extend(owed.handlers[around.len()..].iter().cloned());
                     around.clone_from(&owed.handlers);
                     result = self.attempt_of(&owed).map(drop);
                 }
@@ -411,6 +438,7 @@ impl<'p> Oracle<'p> {
             }
         }
         self.run.forms.pop();
+        self.run.handlers.truncate(self.run.forms[owed.form].handlers);
         self.run.handlers.extend(handlers);
         result
     }

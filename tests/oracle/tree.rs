@@ -32,8 +32,6 @@ pub struct Slot {
     pub place: Place,
     /// The plan that was called here last; none for a description.
     pub plan: Option<FnId>,
-    /// The function that the call stands in, where it has a number.
-    pub home: Option<FnId>,
     /// True if the value of the call is used.
     pub value_used: bool,
     /// Numbers of the edits here.

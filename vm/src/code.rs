@@ -205,6 +205,8 @@ pub struct FormRange {
     pub end: Pc,
     /// The form around it, as an index into [`Program::forms`]; its own index for the outermost.
     pub parent: u32,
+    /// So many registers belong to what is around it.
+    pub registers: u8,
 }
 
 /// What a form is to the machine.

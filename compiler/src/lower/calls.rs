@@ -98,7 +98,7 @@ impl Lower<'_> {
             }
             Callee::Value(callee) => {
                 let window = self.register();
-                self.expr(callee, window, Use::Value);
+                self.part(callee, window);
                 self.window(args);
                 let site = self.site(None, value_name(self, callee), args.len(), used);
                 self.emit(Op::CallValue(dst, window, Count(args.len() as u8), site));
@@ -123,7 +123,7 @@ impl Lower<'_> {
                     self.emit(Op::Move2(*register, a, b));
                     moved = true;
                 }
-                Some(arg) => self.expr(arg, *register, Use::Value),
+                Some(arg) => self.part(arg, *register),
                 None => {
                     let unset = self.constant(&Value::UNSET);
                     self.emit(Op::Const(*register, unset));
@@ -177,7 +177,7 @@ impl Lower<'_> {
     pub(super) fn perform(&mut self, desc: &Expr, goal: Option<&Function>, dst: u8, used: Use) {
         let window = self.register();
         let goal_register = self.register();
-        self.expr(desc, window, Use::Value);
+        self.part(desc, window);
         match goal {
             Some(goal) => self.scratch(|it| it.lambda(goal, goal_register)),
             None => self.emit(Op::Nil(goal_register)),
@@ -199,7 +199,7 @@ impl Lower<'_> {
 
     pub(super) fn tail_call_value(&mut self, callee: &Expr, args: &[Option<Expr>]) {
         let window = self.register();
-        self.expr(callee, window, Use::Value);
+        self.part(callee, window);
         self.window(args);
         let site = self.site(None, value_name(self, callee), args.len(), Use::Value);
         self.emit(Op::TailCallValue(window, Count(args.len() as u8), site));

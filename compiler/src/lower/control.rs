@@ -22,14 +22,14 @@ impl Lower<'_> {
         self.bind(end);
     }
 
-    pub(super) fn and_or(&mut self, parts: &[Expr], dst: u8, stop: fn(u8, Pc) -> Op) {
+    pub(super) fn and_or(&mut self, parts: &[Expr], dst: u8, used: Use, stop: fn(u8, Pc) -> Op) {
+        let Some((last, first)) = parts.split_last() else { return };
         let end = self.label();
-        for (i, part) in parts.iter().enumerate() {
+        for part in first {
             self.step(|it| it.expr(part, dst, Use::Value));
-            if i + 1 < parts.len() {
-                self.jump_to(end, |to| stop(dst, to));
-            }
+            self.jump_to(end, |to| stop(dst, to));
         }
+        self.step(|it| it.expr(last, dst, used));
         self.bind(end);
     }
 

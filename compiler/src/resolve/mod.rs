@@ -375,20 +375,39 @@ impl Compiler<'_> {
         }
         let positional = args.len().min(required + optional);
         let (first, more) = args.split_at(positional);
-        let mut given: Vec<Option<Expr>> = first.iter().map(|arg| Some(self.expr(scope, arg))).collect();
-        given.resize(required + optional, None);
         if params.keys > 0 && more.chunks(2).any(|pair| !matches!(pair[0].kind, FormKind::Keyword(_))) {
             return self.late_call(scope, callee, span, args);
         }
+        let mut given: Vec<Option<Expr>> = first.iter().map(|arg| Some(self.expr(scope, arg))).collect();
+        given.resize(required + optional, None);
+        let mut values: Vec<Option<Expr>> = more.iter().map(|arg| Some(self.expr(scope, arg))).collect();
+        let mut parts = Vec::new();
+        if params.keys > 0 && (params.rest || !in_order(params.key_names(), more)) {
+            // Arguments are computed once, in the order in which they are written.
+            for value in given.iter_mut().chain(&mut values).flatten() {
+                self.name_it(scope, value, &mut parts);
+            }
+        }
         if params.keys > 0 {
-            let keys = self.keyword_args(scope, name, params, span, more);
-            given.extend(keys);
+            given.extend(self.keyword_args(name, params, span, more, &values));
         }
         if params.rest {
-            let rest: Vec<Option<Expr>> = more.iter().map(|arg| Some(self.expr(scope, arg))).collect();
-            given.push(Some(self.list_of(rest, span)));
+            given.push(Some(self.list_of(values, span)));
         }
-        Expr::new(ExprKind::Call(callee, given), span)
+        let call = Expr::new(ExprKind::Call(callee, given), span);
+        match parts.is_empty() {
+            true => call,
+            false => Expr::new(ExprKind::Let(parts, vec![call]), span),
+        }
+    }
+
+    /// Puts a variable in the place of an expression, which is computed before.
+    fn name_it(&mut self, scope: &mut Scope, expr: &mut Expr, parts: &mut Vec<(VarId, Expr)>) {
+        if !matches!(expr.kind, ExprKind::Const(_)) {
+            let var = scope.hidden(expr.span);
+            let named = Expr::new(ExprKind::Var(var), expr.span);
+            parts.push((var, std::mem::replace(expr, named)));
+        }
     }
 
     /// Keywords that are not written out: the arguments are arranged when the call is made.
@@ -399,27 +418,27 @@ impl Compiler<'_> {
         Expr::new(ExprKind::Call(Callee::Value(Box::new(callee)), args), span)
     }
 
+    /// The values for the keyword parameters, in their order.
     fn keyword_args(
         &mut self,
-        scope: &mut Scope,
         name: Symbol,
         params: &vm::code::Params,
         span: Span,
         args: &[Form],
+        values: &[Option<Expr>],
     ) -> Vec<Option<Expr>> {
         let names = params.key_names();
         let mut given: Vec<Option<Expr>> = vec![None; names.len()];
         for (i, pair) in args.chunks(2).enumerate() {
             let FormKind::Keyword(key) = pair[0].kind else { continue };
-            let Some(value) = pair.get(1) else {
+            let Some(value) = values.get(2 * i + 1) else {
                 let problem = format!("has `:{key}` without a value");
                 let shape = format!("({name} … :{key} value)");
                 self.error(CompileError::Shape { form: name.to_string(), problem, shape, at: pair[0].span });
                 continue;
             };
-            let value = self.expr(scope, value);
             match names.iter().position(|known| *known == key) {
-                Some(at) if given[at].is_none() => given[at] = Some(value),
+                Some(at) if given[at].is_none() => given[at] = value.clone(),
                 Some(_) => {
                     let (again, first) = (pair[0].span, first_of(key, &args[..2 * i]).unwrap_or(span));
                     self.error(CompileError::BoundTwice { name: format!(":{key}"), again, first });
@@ -560,6 +579,15 @@ impl Compiler<'_> {
             self.functions.insert(id, Rc::new(function.clone()));
         }
     }
+}
+
+/// True if keyword arguments are written in the order of the parameters.
+fn in_order(names: &[Symbol], pairs: &[Form]) -> bool {
+    let places = pairs.iter().step_by(2).map(|form| match form.kind {
+        FormKind::Keyword(key) => names.iter().position(|name| *name == key),
+        _ => None,
+    });
+    places.is_sorted()
 }
 
 /// Where a keyword stands among keywords and values.

@@ -48,6 +48,11 @@ impl Compiler<'_> {
         };
         let mut section = Section::Required;
         for (at, item) in items.iter().enumerate() {
+            if read.params.names.len() >= MOST_PARAMS {
+                let problem = format!("there are more than {MOST_PARAMS} parameters");
+                self.error(CompileError::Parameters { problem, at: form.span });
+                return ParamForms::default();
+            }
             if item.is("&rest") && items.len() == at + 1 {
                 let problem = "`&rest` is followed by no name".into();
                 self.error(CompileError::Parameters { problem, at: item.span });
@@ -60,11 +65,6 @@ impl Compiler<'_> {
                 }
                 None => self.param(&mut read, section, item),
             }
-        }
-        if read.params.names.len() > MOST_PARAMS {
-            let problem = format!("there are more than {MOST_PARAMS} parameters");
-            self.error(CompileError::Parameters { problem, at: form.span });
-            return ParamForms::default();
         }
         let names = &read.params.names;
         for (i, name) in names.iter().enumerate() {

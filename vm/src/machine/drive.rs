@@ -23,7 +23,7 @@ use crate::value::{Imm, Obj, Symbol, Value};
 
 use super::call::Slow;
 use super::obligation::Discharge;
-use super::{Exit, Frame, Machine, RESUME, Run};
+use super::{Exit, Frame, Here, Machine, RESUME, Run};
 
 /// A call that takes several steps.
 #[derive(Clone)]
@@ -178,8 +178,8 @@ impl Machine {
         let slot = self.slot_of_call(SiteId(0), name);
         self.top().tree.calls(slot, function);
         match self.drive(host, 0, Call::of_plan(slot, RecId(1), function, args)) {
-            Ok(exit) => Ok(exit),
-            Err(raise) => Ok(self.unwind(host, raise)),
+            Ok(exit) => Ok(exit.or(Some(Exit::Began))),
+            Err(raise) => Ok(self.unwind(host, raise).or(Some(Exit::Began))),
         }
     }
 
@@ -226,7 +226,8 @@ impl Machine {
         let above = self.driver_base();
         let run = self.top();
         run.frames.push(Frame { pc: RESUME, base: run.base, here: run.here, dst: 0 });
-        run.base = above;
+        // Its goal is a question of the task that made the call.
+        (run.base, run.here) = (above, Here(call.parent.0));
         self.begin(host, Box::new(call))
     }
 
@@ -536,7 +537,7 @@ impl Machine {
         let phase = if number == 0 && matches!(body, Body::Action) { Phase::Ground } else { Phase::Run };
         let layer = Layer { number, rec, outermost: inner.is_none(), phase };
         self.push_driver(Driver::Body(layer), d);
-        self.top().here = super::Here(rec.0);
+        self.top().here = Here(rec.0);
         match (number.checked_sub(1), body) {
             (Some(at), _) => self.enter_code(self.code_of(replaces[at]), args),
             (None, Body::Plan(plan)) => self.enter_code(Some(plan), args),

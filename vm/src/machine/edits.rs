@@ -2,7 +2,7 @@
 
 use std::rc::Rc;
 
-use crate::code::FnId;
+use crate::code::{FnId, SiteId};
 use crate::edit::{Accepted, Edit, What};
 use crate::failure::{Builtin, Failure};
 use crate::host::{CodeRequest, Host};
@@ -57,6 +57,11 @@ impl Machine {
         }
         let after = match &edit.what {
             What::Defer(after) => find_all(tree, slot, after, false)?,
+            What::Owe { .. } if tree.slot(slot).parent == ROOT && tree.slot(slot).key.site == SiteId(0) => {
+                return Err(
+                    "nothing is around the plan that is run; say `after` for what comes at its end".into()
+                );
+            }
             What::Owe { after, .. } => find_all(tree, slot, after, true)?,
             _ => Vec::new(),
         };

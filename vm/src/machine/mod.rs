@@ -98,6 +98,8 @@ struct Run {
     tree: Tree,
     /// The task clock, in nanoseconds.
     now: u64,
+    /// Fuel used in the current round.
+    in_round: u64,
     memos: Vec<(RecId, Chain)>,
     memo_index: FxHashMap<(RecId, Chain), u32>,
     occurrences: FxHashMap<RecId, Occurrences>,
@@ -139,6 +141,7 @@ impl Run {
             here: Here(root.0),
             tree,
             now: 0,
+            in_round: 0,
             memos: Vec::new(),
             memo_index: FxHashMap::default(),
             occurrences: FxHashMap::default(),
@@ -178,6 +181,8 @@ enum Exit {
     Failed(Value),
     /// The fuel for this stretch is used up.
     Fuel,
+    /// Another run has begun on top: it has rounds of its own.
+    Began,
     /// A native asks the outside; the answer goes to this position of the stack.
     Ask(Request, usize),
 }
@@ -198,8 +203,6 @@ pub struct Machine {
     runs: Vec<Run>,
     /// Fuel used so far.
     steps: u64,
-    /// Fuel used in the current round.
-    in_round: u64,
     round: u64,
     printed: usize,
     /// How many fresh names have been made.
@@ -227,7 +230,6 @@ impl Machine {
             globals: Vec::new(),
             runs: vec![Run::new(Tree::default(), false)],
             steps: 0,
-            in_round: 0,
             round: 0,
             printed: 0,
             fresh: 0,
@@ -288,33 +290,34 @@ impl Machine {
     /// Goes on until the call that was started ends, or until `stop` units of fuel are used.
     pub fn go(&mut self, host: &mut dyn Host, stop: Option<u64>) -> Progress {
         loop {
-            if let Some(failure) = self.spent.take()
-                && let Some(Exit::Failed(failure)) = self.throw(host, failure)
-                && let Some(outcome) = self.end_run(Err(failure))
-            {
-                return Progress::Ended(outcome);
+            while let Some(failure) = self.spent.take() {
+                if let Some(Exit::Failed(failure)) = self.throw(host, failure)
+                    && let Some(outcome) = self.end_run(Err(failure))
+                {
+                    return Progress::Ended(outcome);
+                }
             }
             if stop.is_some_and(|stop| self.steps >= stop) {
                 return Progress::Stopped;
             }
             let limit = self.limits.fuel.saturating_add(if self.last_fuel { LAST_FUEL } else { 0 });
-            let until = limit.min(stop.unwrap_or(limit)).min(self.steps + QUANTUM - self.in_round);
+            let until = limit.min(stop.unwrap_or(limit)).min(self.steps + QUANTUM - self.top().in_round);
             let given = until.saturating_sub(self.steps);
-            let mut left = given;
+            let (mut left, run) = (given, self.runs.len() - 1);
             let exit = self.run_for(host, &mut left);
             self.steps += given - left;
-            self.in_round += given - left;
+            self.runs[run].in_round += given - left;
             let ended = match exit {
                 Exit::Done(value) => self.end_run(Ok(value)),
                 Exit::Failed(failure) => self.end_run(Err(failure)),
                 Exit::Ask(request, register) => self.ask(host, &request, register),
                 Exit::Fuel if self.steps >= limit => self.out_of_fuel(host),
-                Exit::Fuel if self.in_round >= QUANTUM => {
+                Exit::Fuel if self.top().in_round >= QUANTUM => {
                     self.end_round(QUANTUM_NS);
                     let checked = self.check_memory().and_then(|()| self.check_cleanups());
                     checked.err().and_then(|raise| self.inject(host, raise))
                 }
-                Exit::Fuel => None,
+                Exit::Fuel | Exit::Began => None,
             };
             if let Some(outcome) = ended {
                 return Progress::Ended(outcome);
@@ -351,9 +354,9 @@ impl Machine {
     }
 
     fn end_round(&mut self, ns: u64) {
-        self.in_round = 0;
         self.round += 1;
-        self.top().now += ns;
+        let run = self.top();
+        (run.in_round, run.now) = (0, run.now + ns);
     }
 
     fn top(&mut self) -> &mut Run {

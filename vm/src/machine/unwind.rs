@@ -119,7 +119,7 @@ impl Machine {
                     failure = caused_by(failure, &handled);
                     if handling == Some(form) {
                         // The rest of the frame stands for a place that has been left.
-                        self.top().handling.pop();
+                        self.end_handling();
                         return Err(failure);
                     }
                 }

@@ -9,7 +9,7 @@ use crate::value::{Obj, Symbol, Value};
 
 use super::super::drive::{Call, Driver};
 use super::super::{Machine, RESUME, Run};
-use super::place::{Activation, Common, common_form, levels, own_side, side_within};
+use super::place::{Activation, Common, Stands, common_form, levels, own_side, side_within};
 use super::{Context, Obligation, Owed, Side};
 
 /// Where an obligation goes: after which place, and in which form.
@@ -17,8 +17,9 @@ struct Plan {
     after: SlotId,
     side: Side,
     form: u32,
-    /// The frame of the common form.
+    /// The frame of the common form, and which level on the way to the call it is.
     depth: usize,
+    level: usize,
     /// Handlers below it.
     contexts: Vec<Context>,
 }
@@ -68,8 +69,9 @@ impl Machine {
         let goals = self.move_goals(plan.depth);
         let run = self.top();
         run.tree.extra_mut(rec).performed_in = Some(holder);
-        let Plan { after, side, form, depth, contexts } = plan;
-        run.obligations.push(Obligation { slot, rec, what, after, side, depth, form, contexts, goals });
+        let Plan { after, side, form, depth, level, contexts } = plan;
+        let owed = Obligation { slot, rec, what, after, side, depth, level, form, contexts, goals };
+        run.obligations.push(owed);
     }
 
     /// The slot whose code holds the common form.
@@ -119,46 +121,66 @@ impl Machine {
         let (program, runs) = (&self.program, &mut self.runs);
         let Some(run) = runs.last_mut() else { return Err("there is no run".into()) };
         let mine = levels(&run.tree, call.slot);
-        // The call's own driver frame is on top; its caller is the innermost activation.
-        let activations = run.activations(program);
-        let mut found: Vec<(SlotId, Common)> = Vec::new();
+        let activations = run.activations(program, mine.len());
+        let mut places: Vec<(SlotId, Common)> = Vec::new();
         for slot in &accepted.after {
             let theirs = levels(&run.tree, *slot);
-            found.extend(common_form(program, &mine, &theirs).map(|common| (*slot, common)));
+            places.extend(common_form(program, &mine, &theirs).map(|common| (*slot, common)));
         }
-        let own = owes.then_some(call.slot);
-        // Several places: the form that contains them all.
-        let outer =
-            found.iter().map(|(_, it)| (it.level, program.forms[it.form as usize].start, it.form)).min();
-        let Some((level, _, form)) = outer else {
-            return match own {
-                Some(slot) => Ok(own_place(program, run, &activations, slot)),
-                None => Err(format!("{word} not applied: the places have no form in common")),
+        // Forms around a call are nested: an outer one begins earlier, if not in an outer frame.
+        let nesting =
+            |common: &Common| (common.level, program.forms[common.form as usize].start, common.form);
+        let outermost = places.iter().map(|(_, common)| (nesting(common), common.level, common.form)).min();
+        let Some((_, level, form)) = outermost else {
+            return match owes {
+                true => own_place(program, run, &activations, call.slot)
+                    .ok_or_else(|| format!("{word} not applied: there is no form around the call")),
+                false => Err(format!("{word} not applied: the places have no form in common")),
             };
         };
-        // Frames that perform something owed stand for the frames that are gone: count from the call.
-        let index = (level + activations.len()).checked_sub(mine.len());
-        let act = index.and_then(|at| activations.get(at)).filter(|act| act.site == Some(mine[level].0.site));
-        let (Some(act), Some(index)) = (act, index) else {
-            return Err(format!("{word} not applied: the form that contains both places is over"));
-        };
-        let mut ahead: Vec<(usize, SlotId, Side)> = Vec::new();
-        for (slot, common) in &found {
-            let side = match common.level == level && common.form == form {
-                true => common.side.clone(),
-                false => side_within(program, form, common, &mine, level),
-            };
-            if let Some(order) = run.is_ahead(program, act, &side, call.rec, accepted.between.get(slot)) {
-                ahead.push((order, *slot, with_record(side, call.rec)));
+        if owes {
+            // What is owed is one thing for all places: it goes into the form that contains them all.
+            for (_, common) in &mut places {
+                if (common.level, common.form) != (level, form) {
+                    let side = side_within(program, form, common, &mine, level);
+                    *common = Common { level, form, side };
+                }
             }
         }
-        let chosen = ahead.into_iter().max_by_key(|(order, ..)| *order).map(|(_, slot, side)| (slot, side));
-        let chosen = chosen.or_else(|| own.map(|slot| (slot, own_side(program, form, &mine[level].0))));
-        let (after, side) = chosen.ok_or_else(|| {
+        let frame = |common: &Common| {
+            let act = activations.get(common.level)?.as_ref()?;
+            let stands_there = match act.stands {
+                Stands::At(site) => site == mine[common.level].0.site,
+                Stands::EndOf(_) => true,
+            };
+            act.forms(program).any(|(form, _)| form == common.form).then_some(act).filter(|_| stands_there)
+        };
+        if !places.iter().any(|(_, common)| frame(common).is_some()) {
+            return Err(format!("{word} not applied: the form that contains both places is over"));
+        }
+        let mut ahead = Vec::new();
+        for (slot, common) in places {
+            let Some(act) = frame(&common) else { continue };
+            let strangers = accepted.between.get(&slot);
+            if let Some(order) = run.is_ahead(program, act, &common.side, strangers) {
+                // What is awaited further out comes later.
+                ahead.push((std::cmp::Reverse(nesting(&common)), order, slot, common));
+            }
+        }
+        let last = ahead.into_iter().max_by_key(|(nesting, order, ..)| (*nesting, *order));
+        let chosen = last.map(|(.., slot, common)| (slot, common)).or_else(|| {
+            // It is owed after its own call as well.
+            let side = own_side(program, form, &mine[level].0);
+            owes.then_some((call.slot, Common { level, form, side }))
+        });
+        let (after, common) = chosen.ok_or_else(|| {
             format!("{word} not applied: what it waits for is over, or does not come as expected")
         })?;
-        let contexts = run.contexts(program, &activations[index..], form);
-        Ok(Plan { after, side, form, depth: act.depth, contexts })
+        let gone = || format!("{word} not applied: the form that contains both places is over");
+        let depth = frame(&common).ok_or_else(gone)?.depth;
+        let Common { level, form, side } = common;
+        let contexts = run.contexts(program, &activations, level, form);
+        Ok(Plan { after, side: with_record(side, call.rec), form, depth, level, contexts })
     }
 
     /// `(owe p code :after q :as name)`: one obligation per name and common form. (10)
@@ -189,9 +211,10 @@ impl Machine {
         let rec = run.tree.enter(holder, slot, NodeKind::Plan, &[], run.now);
         run.tree.record_mut(rec).status = Status::Deferred;
         run.tree.record_mut(rec).flags |= DRIVEN;
-        let Plan { after, side, form, depth, contexts } = plan;
+        let Plan { after, side, form, depth, level, contexts } = plan;
         let what = Owed::Code(code, call.args.clone());
-        run.obligations.push(Obligation { slot, rec, what, after, side, depth, form, contexts, goals });
+        let owed = Obligation { slot, rec, what, after, side, depth, level, form, contexts, goals };
+        run.obligations.push(owed);
     }
 
     fn holder_record(&self, depth: usize) -> RecId {
@@ -206,33 +229,26 @@ fn with_record(side: Side, rec: RecId) -> Side {
 }
 
 /// An `owe` after its own call alone: in the innermost form around it.
-fn own_place(program: &Program, run: &mut Run, activations: &[Activation], slot: SlotId) -> Plan {
-    let Some(act) = activations.last() else {
-        return Plan { after: slot, side: Side::Until(Pc(0)), form: 0, depth: 0, contexts: Vec::new() };
-    };
-    let form = act.site.map_or(0, |site| program.sites[site.at()].form);
-    Plan {
-        after: slot,
-        side: Side::Until(Pc(act.pc)),
-        form,
-        depth: act.depth,
-        contexts: run.contexts(program, &[], form),
-    }
+fn own_place(program: &Program, run: &Run, activations: &[Option<Activation>], slot: SlotId) -> Option<Plan> {
+    let level = activations.len().checked_sub(1)?;
+    let act = activations[level].as_ref()?;
+    let (form, _) = act.forms(program).next()?;
+    let contexts = run.contexts(program, activations, level, form);
+    Some(Plan { after: slot, side: Side::Until(Pc(act.pc)), form, depth: act.depth, level, contexts })
 }
 
 impl Run {
-    /// True order of a side that is still to come, or nothing. (3)
+    /// When a side comes that is still to come: a number to compare it with others of the form. (3)
     fn is_ahead(
-        &mut self,
+        &self,
         program: &Program,
         act: &Activation,
         side: &Side,
-        rec: RecId,
         between: Option<&Vec<Step>>,
     ) -> Option<usize> {
         match side {
-            Side::Until(end) => (act.pc <= end.0).then_some(end.0 as usize),
-            Side::Later(_) => Some(rec.0 as usize),
+            Side::Until(end) => (act.pc < end.0).then_some(end.0 as usize),
+            Side::Later(_) => Some(act.pc as usize),
             Side::Round(round, key) => {
                 let registers = program.forms[*round as usize].key()?;
                 let coming = self.rounds_to_come(registers, act.base as usize);
@@ -263,28 +279,57 @@ impl Run {
     }
 
     /// The handlers between a call and the common form, innermost first. (4)
-    fn contexts(&self, program: &Program, below: &[Activation], form: u32) -> Vec<Context> {
+    fn contexts(
+        &self,
+        program: &Program,
+        activations: &[Option<Activation>],
+        level: usize,
+        common: u32,
+    ) -> Vec<Context> {
         let mut contexts = Vec::new();
-        for act in below.iter().rev() {
-            let Some(site) = act.site else { continue };
-            let site = &program.sites[site.at()];
-            let function = &program.functions[site.owner.at()];
-            let base = act.base as usize;
-            for (id, it) in program.forms_outward(site.form) {
-                if id == form {
-                    break;
-                }
+        for (at, act) in activations.iter().enumerate().skip(level).rev() {
+            let Some(act) = act else { continue };
+            let forms: Vec<_> =
+                act.forms(program).take_while(|(form, _)| at != level || *form != common).collect();
+            // Variables that the call's part of the common form only uses stay those of the frame.
+            let shared = match forms.last() {
+                _ if at != level => 0,
+                Some((_, part)) => part.registers,
+                None => u8::MAX,
+            };
+            let registers = &self.stack[act.base as usize..];
+            if let Stands::EndOf(_) = act.stands {
+                contexts.extend(
+                    self.contexts_at(act.depth, registers)
+                        .map(|context| Context { shared: context.shared.min(shared), ..context }),
+                );
+            }
+            for (form, it) in forms {
                 let FormKind::Guarded { handler, failure } = it.kind else { continue };
-                let registers = self.stack[base..base + function.registers as usize].to_vec();
+                let Some(owner) = program.function_at(it.start) else { continue };
+                let registers = registers[..program.functions[owner.at()].registers as usize].to_vec();
                 // The clauses are the form that begins at the handler.
-                let clauses = program.form_at(site.owner, handler);
-                let clauses = program
-                    .forms_outward(clauses)
-                    .find(|(_, form)| matches!(form.kind, FormKind::Clauses { .. }))
-                    .map_or(clauses, |(id, _)| id);
-                contexts.push(Context { registers, here: act.here, handler, failure, clauses });
+                let mut around = program.forms_outward(program.form_at(owner, handler));
+                let clauses = around.find(|(_, form)| matches!(form.kind, FormKind::Clauses { .. }));
+                let clauses = clauses.map_or(form, |(id, _)| id);
+                contexts.push(Context { registers, shared, here: act.here, handler, failure, clauses });
             }
         }
         contexts
+    }
+
+    /// The handlers that are still around what a frame performs late.
+    fn contexts_at(&self, depth: usize, live: &[Value]) -> impl Iterator<Item = Context> {
+        let performed = self.drivers.iter().rev().find_map(|driver| match driver {
+            Driver::Discharge(it) if it.obligation.depth == depth => Some(it),
+            _ => None,
+        });
+        let contexts = performed.map_or(&[][..], |it| it.contexts_left()).iter();
+        contexts.map(|context| {
+            let mut context = context.clone();
+            let shared = context.shared as usize;
+            context.registers[..shared].clone_from_slice(&live[..shared]);
+            context
+        })
     }
 }

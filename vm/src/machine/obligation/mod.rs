@@ -16,7 +16,7 @@ mod perform;
 mod place;
 
 use crate::code::{FormKind, FormRange, Pc, Program, RoundKey};
-use crate::key::{Element, Step};
+use crate::key::{Element, Key, Step};
 use crate::op::Op;
 use crate::tree::{RecId, SlotId, Tree};
 use crate::value::{Obj, Value};
@@ -38,6 +38,8 @@ pub(in crate::machine) struct Obligation {
     side: Side,
     /// The frame that holds the common form, as a number of frames.
     pub(in crate::machine) depth: usize,
+    /// Which level that frame is on the way to the call.
+    level: usize,
     /// The common form.
     form: u32,
     /// Handlers that stood around the call below the common form, innermost first.
@@ -66,8 +68,11 @@ enum Side {
 }
 
 /// A handler with the registers that its frame had when p was called. (4)
+#[derive(Clone)]
 struct Context {
     registers: Vec<Value>,
+    /// So many of them belong to what is around the common form: they are those of its frame.
+    shared: u8,
     here: Here,
     handler: Pc,
     failure: u8,
@@ -81,6 +86,10 @@ pub(in crate::machine) struct Handling {
     /// Its clauses: leaving them by a jump ends the obligation.
     clauses: (Pc, Pc),
     form: u32,
+    /// How often its calls had been reached before: they are further attempts. (4)
+    counted: Vec<(Key, u32)>,
+    /// How many calls had been counted in its record.
+    mark: usize,
 }
 
 /// What an obligation being performed waits for.
@@ -89,6 +98,25 @@ pub(in crate::machine) struct Discharge {
     stage: Stage,
     /// The failure that goes on outwards from the common form afterwards.
     then: Option<Value>,
+}
+
+impl Discharge {
+    /// The level of the frame that performs it, unless that is called by the frame's record: the
+    /// code of an `owe` is.
+    fn level(&self) -> Option<usize> {
+        let is_code = matches!((&self.obligation.what, self.stage), (Owed::Code(..), Stage::Performing));
+        (!is_code).then_some(self.obligation.level)
+    }
+
+    fn form(&self) -> u32 {
+        self.obligation.form
+    }
+
+    /// The handlers that have not been asked yet.
+    fn contexts_left(&self) -> &[Context] {
+        let asked = if let Stage::Handling(n) = self.stage { n + 1 } else { 0 };
+        &self.obligation.contexts[asked..]
+    }
 }
 
 #[derive(Clone, Copy, PartialEq)]

@@ -4,6 +4,7 @@
 use crate::code::{Pc, SiteId};
 use crate::failure::{Builtin, Failure};
 use crate::host::Host;
+use crate::key::{Key, Step};
 use crate::op::Op;
 use crate::path::Path;
 use crate::tree::{DRIVEN, SlotId, Status};
@@ -11,8 +12,8 @@ use crate::value::{Obj, Value};
 
 use super::super::call::Slow;
 use super::super::drive::Driver;
-use super::super::{Frame, Here, Machine, RESUME};
-use super::{Discharge, Handling, Obligation, Owed, Stage};
+use super::super::{Frame, Here, Machine, Occurrences, RESUME};
+use super::{Context, Discharge, Handling, Obligation, Owed, Stage};
 
 impl Machine {
     /// The loop has stopped before an instruction because something of this frame is due.
@@ -39,14 +40,14 @@ impl Machine {
         let ended = |it: &Obligation| {
             !program.forms[it.form as usize].contains(pc) || matches!(op, Op::Return(_) | Op::ReturnPlan(_))
         };
-        if let Some(at) = held
-            .iter()
-            .find(|at| !ended(&run.obligations[**at]) && run.obligations[**at].is_over(program, &view, pc))
-        {
-            return Some(*at);
+        // A form ends before what is around it.
+        let ending =
+            held.iter().map(|at| &run.obligations[*at]).filter(|it| ended(it)).map(|it| it.form).max();
+        if let Some(form) = ending {
+            let ended: Vec<usize> = held.into_iter().filter(|at| run.obligations[*at].form == form).collect();
+            return self.first_at_end(&ended).or_else(|| self.next_due(depth, pc));
         }
-        let ended: Vec<usize> = held.into_iter().filter(|at| ended(&run.obligations[*at])).collect();
-        self.first_at_end(&ended)
+        held.into_iter().find(|at| run.obligations[*at].is_over(program, &view, pc))
     }
 
     /// Of the obligations of a form that ends: one whose q is done, else one whose q is not owed
@@ -58,9 +59,9 @@ impl Machine {
                 (run.obligations[*at].after, run.obligations[*at].depth, run.obligations[*at].form);
             let further =
                 run.obligations.iter().find(|it| it.slot == after && (it.depth, it.form) != (depth, form));
-            if let Some(outer) = further.map(|it| (it.depth, it.form, it.side.clone())) {
+            if let Some(outer) = further.map(|it| (it.depth, it.level, it.form, it.side.clone())) {
                 let it = &mut run.obligations[*at];
-                (it.depth, it.form, it.side) = outer;
+                (it.depth, it.level, it.form, it.side) = outer;
                 return self
                     .first_at_end(&ended.iter().copied().filter(|other| other != at).collect::<Vec<_>>());
             }
@@ -214,41 +215,90 @@ impl Machine {
             Stage::Goal(_) => discharge.obligation.contexts.len(),
         };
         if let Some(context) = discharge.obligation.contexts.get(next) {
+            let context = context.clone();
             discharge.stage = Stage::Handling(next);
-            let (registers, here, handler) = (context.registers.clone(), context.here, context.handler);
-            let (register, clauses) = (context.failure, context.clauses);
+            let owner = discharge.obligation.depth;
             self.top().drivers.push(Driver::Discharge(discharge));
-            self.enter_handler(registers, here, handler, clauses);
-            *self.top().register(register) = failure;
+            self.enter_handler(context, owner, failure);
             return Ok(());
         }
-        let form = discharge.obligation.form;
-        let Some(waiting) = discharge.then else { return Err(failure) };
-        // The failure that was on its way goes on, with this one beside it.
+        // It is a failure of the common form, wherever in that the frame stands.
+        let Obligation { form, depth, .. } = discharge.obligation;
         self.top().leaving = Some(form);
-        Err(super::super::unwind::with_also(&waiting, failure))
+        Err(match discharge.then.or_else(|| self.waiting_at(depth)) {
+            // The failure that was on its way goes on, with this one beside it.
+            Some(waiting) => super::super::unwind::with_also(&waiting, failure),
+            None => failure,
+        })
     }
 
-    /// A frame with the registers that the handler's frame had.
-    fn enter_handler(&mut self, registers: Vec<Value>, here: Here, handler: Pc, form: u32) {
-        let above = self.driver_base();
-        let range = &self.program.forms[form as usize];
-        let clauses = (range.start, range.end);
+    /// The failure that waits for a clean-up which has just ended in a frame.
+    fn waiting_at(&mut self, depth: usize) -> Option<Value> {
+        let Frame { pc, base, .. } = self.top().frames[depth];
+        let Op::EndCleanUp(pending) = self.program.code[pc as usize] else { return None };
+        self.top().cleanups.pop();
+        let waiting = &self.top().stack[base as usize + pending as usize];
+        waiting.as_failure().is_some().then(|| waiting.clone())
+    }
+
+    /// A frame with the registers that the handler's frame had. Those around the common form are as
+    /// they are now in the frame with `owner` frames below it.
+    fn enter_handler(&mut self, context: Context, owner: usize, failure: Value) {
+        let Context { registers, shared, here, handler, failure: register, clauses: form } = context;
+        let above = self.driver_base() as usize;
+        let range = self.program.forms[form as usize];
+        let (counted, mark) = self.calls_counted_in(here, form);
         let run = self.top();
+        let live = run.frames[owner].base as usize;
         run.frames.push(Frame { pc: RESUME, base: run.base, here: run.here, dst: 0 });
-        (run.pc, run.base, run.here) = (handler.0, above, here);
-        for (register, value) in run.stack[above as usize..].iter_mut().zip(registers) {
-            *register = value;
+        (run.pc, run.base, run.here) = (handler.0, above as u32, here);
+        for (at, value) in registers.into_iter().enumerate() {
+            run.stack[above + at] = if at < shared as usize { run.stack[live + at].clone() } else { value };
         }
-        run.handling.push(Handling { depth: run.frames.len(), clauses, form });
+        *run.register(register) = failure;
+        let clauses = (range.start, range.end);
+        run.handling.push(Handling { depth: run.frames.len(), clauses, form, counted, mark });
+    }
+
+    /// Takes back how often the calls of a handler have been reached. Says that, and the number of
+    /// calls counted in its record.
+    fn calls_counted_in(&mut self, here: Here, clauses: u32) -> (Vec<(Key, u32)>, usize) {
+        let Machine { program, runs, .. } = self;
+        let Some(run) = runs.last_mut() else { return (Vec::new(), 0) };
+        let rec = run.record(here);
+        let Some(Occurrences { counts, journal }) = run.occurrences.get_mut(&rec) else {
+            return (Vec::new(), 0);
+        };
+        let inside = |site: SiteId| {
+            program.forms_outward(program.sites[site.at()].form).any(|(form, _)| form == clauses)
+        };
+        let is_of = |key: &Key| {
+            let steps = run.tree.keys.steps(key.chain);
+            inside(key.site) || steps.iter().any(|it| matches!(it, Step::Call(site) if inside(*site)))
+        };
+        let of: Vec<Key> = counts.keys().filter(|key| is_of(key)).copied().collect();
+        (of.into_iter().filter_map(|key| counts.remove_entry(&key)).collect(), journal.len())
+    }
+
+    /// The handler of an obligation that runs has ended, in whichever way.
+    pub(in crate::machine) fn end_handling(&mut self) {
+        self.keep_registers();
+        let run = self.top();
+        let rec = run.record(run.here);
+        let Some(handling) = run.handling.pop() else { return };
+        if let Some(Occurrences { counts, journal }) = run.occurrences.get_mut(&rec) {
+            for key in journal.drain(handling.mark.min(journal.len())..) {
+                counts.remove(&key);
+            }
+            counts.extend(handling.counted);
+        }
     }
 
     /// A handler of an obligation has done `(retry)`, or was left with a value.
     fn leave_handling(&mut self, host: &mut dyn Host) -> Slow {
         let pc = self.top().pc as usize;
         let op = self.program.code[pc];
-        self.keep_registers();
-        self.top().handling.pop();
+        self.end_handling();
         if !matches!(op, Op::Retry(..)) {
             return self.return_value(Value::NIL);
         }
@@ -271,16 +321,20 @@ impl Machine {
         self.perform_owed(host)
     }
 
-    /// What a handler changed stays changed for its next run.
+    /// What a handler changed stays changed, for its next run and for the frame around it.
     fn keep_registers(&mut self) {
         let run = self.top();
         let base = run.base as usize;
         let Some(Driver::Discharge(discharge)) = run.drivers.last_mut() else { return };
+        let Obligation { depth, contexts, .. } = &mut discharge.obligation;
         if let Stage::Handling(n) = discharge.stage
-            && let Some(context) = discharge.obligation.contexts.get_mut(n)
+            && let Some(context) = contexts.get_mut(n)
         {
-            let len = context.registers.len();
+            let (len, shared) = (context.registers.len(), context.shared as usize);
             context.registers.clone_from_slice(&run.stack[base..base + len]);
+            let live = run.frames[*depth].base as usize;
+            let (around, inside) = run.stack.split_at_mut(base);
+            around[live..live + shared].clone_from_slice(&inside[..shared]);
         }
     }
 }

@@ -4,12 +4,13 @@
 //! its call site and the rounds of loops around that. Two ways are the same up to the level at
 //! which the places part; the forms of that level's function say the rest.
 
-use crate::code::{FormKind, Pc, Program, SiteId};
+use crate::code::{FnKind, FormKind, FormRange, Pc, Program, SiteId};
 use crate::key::Step;
 use crate::tree::{ROOT, RecId, SlotId, Tree};
 use crate::value::Symbol;
 
-use super::super::{Here, RESUME, Run};
+use super::super::drive::Driver;
+use super::super::{Frame, Here, RESUME, Run};
 use super::Side;
 
 /// One function between the root and a call: the call that it makes, and the rounds it is in.
@@ -21,13 +22,35 @@ pub(super) struct Level {
     pub(super) name: Option<Symbol>,
 }
 
-/// The same for a frame that is there.
+/// The frame of a level.
 pub(super) struct Activation {
-    pub(super) site: Option<SiteId>,
     pub(super) pc: u32,
     pub(super) base: u32,
     pub(super) here: Here,
     pub(super) depth: usize,
+    pub(super) stands: Stands,
+}
+
+/// Where a frame stands in its function.
+#[derive(Clone, Copy, PartialEq)]
+pub(super) enum Stands {
+    /// At a call.
+    At(SiteId),
+    /// At the end of a part of this form, which performs what it owes. What is inside of it is over.
+    EndOf(u32),
+}
+
+impl Activation {
+    /// The forms that the frame is in, innermost first.
+    pub(super) fn forms<'p>(
+        &self,
+        program: &'p Program,
+    ) -> impl Iterator<Item = (u32, &'p FormRange)> + use<'p> {
+        program.forms_outward(match self.stands {
+            Stands::At(site) => program.sites[site.at()].form,
+            Stands::EndOf(form) => form,
+        })
+    }
 }
 
 /// The levels between the root and a slot, and for each the slot that they lead to.
@@ -98,7 +121,7 @@ pub(super) fn common_form(
     }
     let form = common?;
     if ours.site == other.site {
-        return Some(repeated(program, level, &a));
+        return Some(repeated(program, level, &a, other.again > ours.again));
     }
     let depth = a.iter().position(|it| *it == form)? + 1;
     let end = match b.get(depth) {
@@ -109,50 +132,67 @@ pub(super) fn common_form(
 }
 
 /// The same call again: the loop without keys around it, or the whole body.
-fn repeated(program: &Program, level: usize, path: &[u32]) -> Common {
+fn repeated(program: &Program, level: usize, path: &[u32], comes: bool) -> Common {
     let unkeyed =
         path.iter().rposition(|form| matches!(program.forms[*form as usize].kind, FormKind::Round(None)));
     let form = unkeyed.and_then(|at| at.checked_sub(1)).map_or(path[0], |at| path[at]);
-    Common { level, form, side: Side::Later(RecId(0)) }
+    // What was called before is over when the form has begun.
+    let side = if comes { Side::Later(RecId(0)) } else { Side::Until(program.forms[form as usize].start) };
+    Common { level, form, side }
 }
 
 impl Run {
-    /// The frames between the root and the running one that a key is made of, outermost first.
-    pub(super) fn activations(&self, program: &Program) -> Vec<Activation> {
-        use crate::code::FnKind;
-        let mut all = Vec::new();
-        let (mut pc, mut base, mut here) = (self.pc, self.base, self.here);
-        let mut depth = self.frames.len();
-        loop {
-            let rec = self.record(here);
-            loop {
-                let at = Pc(pc.saturating_sub(1));
-                let function = if pc == RESUME { None } else { program.function_at(at) };
-                if let Some(function) = function {
-                    let site = program.site_at(function, at);
-                    all.push(Activation { site, pc, base, here, depth });
-                    if !matches!(program.functions[function.at()].kind, FnKind::Function | FnKind::Lambda) {
-                        break;
-                    }
-                }
-                match depth.checked_sub(1).map(|at| self.frames[at]) {
-                    Some(frame) if self.record(frame.here) == rec => {
-                        (pc, base, here) = (frame.pc, frame.base, frame.here);
-                        depth -= 1;
-                    }
-                    _ => break,
+    /// The frames of the levels that lead to the call whose driver is on top, outermost first. A frame
+    /// is gone where the call, or a task around it, is itself performed later than it was made.
+    pub(super) fn activations(&self, program: &Program, levels: usize) -> Vec<Option<Activation>> {
+        let mut found: Vec<Option<Activation>> = Vec::new();
+        let (mut depth, mut driver) = (self.frames.len(), self.drivers.len());
+        // The code of `wrap` and `replace` is no part of the way to what `(original)` in it calls.
+        let mut skips = false;
+        // Other inserted code is called by its record, not by the code of its plan.
+        let mut inserted_in = None;
+        while let Some(at) = depth.checked_sub(1) {
+            depth = at;
+            let (mut frame, mut stands) = (self.frames[at], None);
+            if frame.pc == RESUME {
+                driver = driver.saturating_sub(1);
+                let Some(Driver::Discharge(discharge)) = self.drivers.get(driver) else {
+                    skips = !matches!(self.drivers.get(driver), Some(Driver::Call(_)));
+                    continue;
+                };
+                let holder = self.frames[at - 1];
+                let Some(level) = discharge.level() else {
+                    // The code of an `owe` is called by the record that owes it.
+                    found.push(None);
+                    inserted_in = Some(self.record(holder.here));
+                    continue;
+                };
+                // The frame that owes it stands for its level; those between are gone.
+                found.resize_with(levels.saturating_sub(level + 1), || None);
+                (skips, inserted_in, depth) = (false, None, at - 1);
+                (frame, stands) = (holder, Some(Stands::EndOf(discharge.form())));
+                if discharge.then.is_some() {
+                    // A failure leaves the form: nothing in it is to come.
+                    frame.pc = program.forms[discharge.form() as usize].end.0;
                 }
             }
-            while depth > 0 && self.record(self.frames[depth - 1].here) == rec {
-                depth -= 1;
+            if skips || inserted_in == Some(self.record(frame.here)) {
+                continue;
             }
-            let Some(at) = depth.checked_sub(1) else { break };
-            let frame = self.frames[at];
-            (pc, base, here, depth) = (frame.pc, frame.base, frame.here, at);
+            inserted_in = None;
+            let Frame { pc, base, here, .. } = frame;
+            let call = Pc(pc.saturating_sub(1));
+            let Some(function) = program.function_at(call) else { continue };
+            if program.functions[function.at()].kind == FnKind::Inserted {
+                inserted_in = Some(self.record(here));
+            }
+            let stands = stands.or_else(|| program.site_at(function, call).map(Stands::At));
+            found.extend(stands.map(|stands| Some(Activation { pc, base, here, depth, stands })));
         }
-        all.retain(|it| it.site.is_some());
-        all.reverse();
-        all
+        // The plan of a run is called by nobody.
+        found.resize_with(levels, || None);
+        found.reverse();
+        found
     }
 }
 
