@@ -292,7 +292,7 @@ impl<'p> Lower<'p> {
         const NEAR: usize = 100;
         let constants = &self.program.constants;
         let first = constants.len().saturating_sub(NEAR);
-        let known = constants[first..].iter().rposition(|known| known.identical(value)).map(|at| first + at);
+        let known = constants[first..].iter().rposition(|known| is_same(known, value)).map(|at| first + at);
         let at = known.unwrap_or_else(|| {
             self.program.constants.push(value.clone());
             self.program.constants.len() - 1
@@ -614,6 +614,14 @@ impl<'p> Lower<'p> {
         }
         self.next = before;
         self.span = around;
+    }
+}
+
+/// True if one constant can stand for both: zeros of different signs are two numbers.
+fn is_same(known: &Value, value: &Value) -> bool {
+    match (known, value) {
+        (Value::Imm(Imm::Float(a)), Value::Imm(Imm::Float(b))) => a.to_bits() == b.to_bits(),
+        _ => known.identical(value),
     }
 }
 

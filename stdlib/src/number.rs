@@ -365,8 +365,9 @@ fn shift(args: &[Value]) -> Result<Value, Raise> {
     if by <= 0 {
         return Ok(Value::int(x >> by.unsigned_abs().min(63)));
     }
-    let shifted = if by < 64 { i128::from(x) << by } else { i128::from(x) * i128::from(i64::MAX) };
-    i64::try_from(shifted).map(Value::int).map_err(|_| out_of_range(format!("(shift {x} {by})")))
+    let fits = x == 0 || by < 64;
+    let shifted = fits.then(|| i128::from(x) << by.min(63)).and_then(|shifted| i64::try_from(shifted).ok());
+    shifted.map(Value::int).ok_or_else(|| out_of_range(format!("(shift {x} {by})")))
 }
 
 // ---------------------------------------------------------------------------------------------
@@ -478,6 +479,8 @@ mod tests {
         assert_eq!(name(power(&ints(&[2, 63]))), failed);
         assert_eq!(name(shift(&ints(&[1, 63]))), failed);
         assert_eq!(name(shift(&ints(&[-1, 63]))), Ok(Value::int(i64::MIN)));
+        assert_eq!(name(shift(&ints(&[1, 64]))), failed);
+        assert_eq!(name(shift(&ints(&[-1, i64::MAX]))), failed);
         assert_eq!(name(shift(&ints(&[0, i64::MAX]))), Ok(Value::int(0)));
         assert_eq!(name(shift(&ints(&[-5, i64::MIN]))), Ok(Value::int(-1)));
         assert_eq!(name(modulo(&ints(&[i64::MIN, -1]))), Ok(Value::int(0)));
