@@ -152,10 +152,11 @@ impl Compiler<'_> {
                 {
                     only = value.list().map(|names| names.iter().filter_map(Form::symbol).collect());
                 }
-                _ => self.misshapen_top(
-                    form,
-                    "takes `:as prefix` and `:only (names…)` after the names of modules",
-                ),
+                _ => {
+                    let problem = "takes `:as prefix` and `:only (names…)` after the names of modules";
+                    self.misshapen_top(form, problem);
+                    break;
+                }
             }
         }
         let mut init = Vec::new();

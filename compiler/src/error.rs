@@ -115,7 +115,7 @@ pub enum CompileError {
     #[error("`{name}` is changed, but a function inside has captured it")]
     #[diagnostic(
         code(resolve::set_captured),
-        help("a captured variable keeps its value; return the new value instead, or use a fluent")
+        help("a captured variable keeps its value; write a loop instead of the function, or let `fold` hand the value on")
     )]
     SetCaptured {
         /// The variable.

@@ -174,13 +174,14 @@ fn let_star(it: &mut Compiler<'_>, scope: &mut Scope, form: &Form, args: &[Form]
     bindings(it, scope, form, args, true)
 }
 
+/// A list of the form's own syntax. The empty one is nil where a macro or an edit has made it.
+fn list_or_nil(form: &Form) -> Option<&[Form]> {
+    if form.is("nil") { Some(&[]) } else { form.list() }
+}
+
 fn bindings(it: &mut Compiler<'_>, scope: &mut Scope, form: &Form, args: &[Form], one_by_one: bool) -> Expr {
     let Some((list, body)) = args.split_first() else { return it.misshapen(form, "has no bindings") };
-    let pairs = match &list.kind {
-        FormKind::List(pairs) => pairs.as_slice(),
-        _ if list.is("nil") => &[],
-        _ => return it.misshapen(form, "needs a list of bindings"),
-    };
+    let Some(pairs) = list_or_nil(list) else { return it.misshapen(form, "needs a list of bindings") };
     let in_sight = scope.names.len();
     let mut parts: Vec<(VarId, Expr)> = Vec::new();
     let mut targets: Vec<(&Form, VarId)> = Vec::new();
@@ -475,13 +476,15 @@ fn original(it: &mut Compiler<'_>, scope: &mut Scope, form: &Form, args: &[Form]
 
 fn handle(it: &mut Compiler<'_>, scope: &mut Scope, form: &Form, args: &[Form]) -> Expr {
     let Some((clauses, body)) = args.split_first() else { return it.misshapen(form, "has no clauses") };
-    let Some(clauses) = clauses.list() else { return it.misshapen(form, "needs a list of clauses") };
+    let Some(clauses) = list_or_nil(clauses) else {
+        return it.misshapen(form, "needs a list of clauses");
+    };
     // `return` in the body means a loop around the form; only the clauses end the form.
     let body = it.body(scope, body);
     let mut resolved = Vec::new();
     for clause in clauses {
         let (kinds, var, rest) = match clause.list() {
-            Some([kinds, var, rest @ ..]) if var.list().is_some_and(|var| var.len() <= 1) => {
+            Some([kinds, var, rest @ ..]) if list_or_nil(var).is_some_and(|var| var.len() <= 1) => {
                 (kinds, var, rest)
             }
             _ => {
@@ -633,7 +636,7 @@ fn protect(it: &mut Compiler<'_>, scope: &mut Scope, form: &Form, args: &[Form])
 
 fn counters(it: &mut Compiler<'_>, scope: &mut Scope, form: &Form, args: &[Form]) -> Expr {
     let Some((list, body)) = args.split_first() else { return it.misshapen(form, "has no counters") };
-    let Some(pairs) = list.list() else { return it.misshapen(form, "needs a list of counters") };
+    let Some(pairs) = list_or_nil(list) else { return it.misshapen(form, "needs a list of counters") };
     let in_sight = scope.names.len();
     let mut parts = Vec::new();
     for pair in pairs {
