@@ -28,7 +28,7 @@ natives! {
     "tree-start" [1 2] => |args: &[Value]| Ok(seconds(record(args)?.start));
     "tree-end" [1 2] => |args: &[Value]| Ok(seconds(record(args)?.end));
     "tree-params" [1 2] in ctx => tree_params;
-    "tree-written" [1 2] => tree_written;
+    "tree-written" [1 2] in ctx => tree_written;
     "tree-notes" [1 2] => tree_notes;
     "tree-text" [1] in ctx => tree_text;
     "tree-edits" [1] => tree_edits;
@@ -136,14 +136,14 @@ fn seconds(ns: u64) -> Value {
 fn tree_params(ctx: &mut Ctx<'_>, args: &[Value]) -> Result<Next, Raise> {
     let (tree, rec) = record_id(args)?;
     let params = vm::show::params(ctx.program, tree, rec);
-    let map: Map = params.into_iter().map(|(name, value)| (Value::Imm(Imm::Keyword(name)), value)).collect();
+    let named = params.into_iter().filter(|(name, _)| !vm::code::is_pattern(name));
+    let map: Map = named.map(|(name, value)| (Value::Imm(Imm::Keyword(name)), value)).collect();
     Ok(Value::map(map).into())
 }
 
-fn tree_written(args: &[Value]) -> Result<Value, Raise> {
+fn tree_written(ctx: &mut Ctx<'_>, args: &[Value]) -> Result<Next, Raise> {
     let (tree, rec) = record_id(args)?;
-    let written = tree.extra(rec).and_then(|extra| extra.written.clone()).unwrap_or_else(|| tree.args(rec));
-    Ok(Value::list(written))
+    Ok(Value::list(vm::show::written(ctx.program, tree, rec)).into())
 }
 
 fn tree_notes(args: &[Value]) -> Result<Value, Raise> {

@@ -84,9 +84,12 @@ impl<'p> Oracle<'p> {
             if actual.as_ref() == Some(wanted) {
                 return None;
             }
-            let actual = actual.map_or("missing".into(), |value| vm::print::brief(&value));
+            let has = match actual.filter(|value| !value.is_unset()) {
+                Some(value) => format!("has {}", vm::print::brief(&value)),
+                None => "does not give it".into(),
+            };
             let wanted = vm::print::brief(wanted);
-            Some(format!("{word} not applied: its guard wants :{key} {wanted}, the call has {actual}"))
+            Some(format!("{word} not applied: its guard wants :{key} {wanted}, the call {has}"))
         })
     }
 

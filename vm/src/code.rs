@@ -10,7 +10,7 @@
 use crate::failure::FailureTypes;
 use crate::native::Native;
 use crate::op::Op;
-use crate::value::{Symbol, Value};
+use crate::value::{Imm, Symbol, Value};
 
 macro_rules! index_types {
     ($($(#[$doc:meta])+ $name:ident;)+) => {
@@ -133,7 +133,7 @@ pub struct Function {
 /// The parameters of a function, in the order of their registers.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Params {
-    /// All names: required, optional, keys, rest.
+    /// All names: required, optional, keys, rest. Of a pattern its text, see [`is_pattern`].
     pub names: Vec<Symbol>,
     /// How many are required.
     pub required: u8,
@@ -152,12 +152,40 @@ impl Params {
     pub fn is_plain(&self, n: usize) -> bool {
         self.required as usize == n && self.names.len() == n
     }
+    /// The names that the program gives them: a pattern has none.
+    pub fn given_names(&self) -> impl Iterator<Item = Symbol> {
+        self.names.iter().copied().filter(|name| !is_pattern(name))
+    }
+    /// Arguments in the order of the parameters as a call gives them: without those that were not given,
+    /// keywords by their names.
+    #[must_use]
+    pub fn written(&self, args: Vec<Value>) -> Vec<Value> {
+        let mut args = args.into_iter();
+        let by_place = args.by_ref().take(self.required as usize + self.optional as usize);
+        let mut written: Vec<Value> = by_place.filter(|arg| !arg.is_unset()).collect();
+        let keys: Vec<Value> = args.by_ref().take(self.keys as usize).collect();
+        match args.next().filter(|_| self.rest) {
+            // The list of the rest holds the keywords as well.
+            Some(rest) => written.extend(rest.iter().cloned()),
+            None => {
+                let given = self.key_names().iter().zip(keys).filter(|(_, value)| !value.is_unset());
+                written.extend(given.flat_map(|(name, value)| [Value::Imm(Imm::Keyword(*name)), value]));
+            }
+        }
+        written
+    }
     /// The names of the keyword parameters.
     #[must_use]
     pub fn key_names(&self) -> &[Symbol] {
         let first = self.required as usize + self.optional as usize;
         &self.names[first..first + self.keys as usize]
     }
+}
+
+/// True for what stands in the place of a name where a parameter is a pattern: its text.
+#[must_use]
+pub fn is_pattern(name: &str) -> bool {
+    name.starts_with(['(', '['])
 }
 
 /// A call in the source. The key of a slot starts with it.

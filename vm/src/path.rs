@@ -100,7 +100,7 @@ impl Path {
             at = *found.ok_or_else(|| {
                 let here = Path { steps: self.steps[..depth].to_vec() }.show();
                 match same_name.len() {
-                    0 => format!("there is no `{}` in {here}, only {}", step.name, names(tree, &children)),
+                    0 => format!("there is no `{}` in {here}, {}", step.name, names(tree, &children)),
                     n => format!(
                         "`{}` was called {n} times in {here}, there is no call {}",
                         step.name, step.call
@@ -154,5 +154,5 @@ impl<'t> Paths<'t> {
 fn names(tree: &Tree, slots: &[SlotId]) -> String {
     let mut names: Vec<&str> = slots.iter().map(|slot| tree.slot(*slot).name.as_str()).collect();
     names.dedup();
-    if names.is_empty() { "no tasks".into() } else { names.join(", ") }
+    if names.is_empty() { "nor any other task".into() } else { format!("only {}", names.join(", ")) }
 }

@@ -5,7 +5,7 @@
 
 use serde_json::{Map as JsonMap, Value as Json, json};
 
-use crate::code::Program;
+use crate::code::{Params, Program};
 use crate::path::Path;
 use crate::print::Printer;
 use crate::tree::{NodeKind, ROOT, RecId, SlotId, Status, Tree};
@@ -22,14 +22,16 @@ pub fn safe(text: &str) -> String {
     text.chars().flat_map(|c| if c.is_control() { c.escape_default().collect() } else { vec![c] }).collect()
 }
 
+/// The parameter of a performed action, as the code of edits names it, too.
+const DESCRIPTION: &str = "description";
+
 /// Names and values of the parameters of a record; those not given are left out.
 #[must_use]
 pub fn params(program: &Program, tree: &Tree, rec: RecId) -> Vec<(Symbol, Value)> {
-    let record = tree.record(rec);
     let args = tree.args(rec);
-    let names = match record.kind {
-        NodeKind::Action => vec![Symbol::from("action")],
-        _ => plan_params(program, tree, record.slot),
+    let names = match tree.record(rec).kind {
+        NodeKind::Action => vec![Symbol::from(DESCRIPTION)],
+        _ => plan_params(program, tree, rec).map_or_else(Vec::new, |params| params.names.clone()),
     };
     let named = args.into_iter().enumerate().map(|(i, value)| {
         let name = names.get(i).copied().unwrap_or_else(|| Symbol::from(&i.to_string()));
@@ -38,11 +40,21 @@ pub fn params(program: &Program, tree: &Tree, rec: RecId) -> Vec<(Symbol, Value)
     named.filter(|(_, value)| !value.is_unset()).collect()
 }
 
-fn plan_params(program: &Program, tree: &Tree, slot: SlotId) -> Vec<Symbol> {
+/// The arguments of a record as its call gives them: called with these, the plan gets them again.
+#[must_use]
+pub fn written(program: &Program, tree: &Tree, rec: RecId) -> Vec<Value> {
+    let args = tree.extra(rec).and_then(|extra| extra.written.clone()).unwrap_or_else(|| tree.args(rec));
+    match plan_params(program, tree, rec) {
+        Some(params) if tree.record(rec).kind == NodeKind::Plan => params.written(args),
+        _ => args,
+    }
+}
+
+fn plan_params<'p>(program: &'p Program, tree: &Tree, rec: RecId) -> Option<&'p Params> {
+    let slot = tree.record(rec).slot;
     let site = program.sites.get(tree.slot(slot).key.site.at());
     let callee = site.and_then(|site| site.callee).or_else(|| tree.called(slot));
-    let function = callee.and_then(|callee| program.functions.get(callee.at()));
-    function.map_or_else(Vec::new, |function| function.params.names.clone())
+    callee.and_then(|callee| program.functions.get(callee.at())).map(|function| &function.params)
 }
 
 /// Seconds with as many digits as they need, at most nine.
@@ -209,7 +221,8 @@ fn node_json(
         if let Some(grounded) = &extra.grounded {
             node.insert("grounded".into(), write(grounded));
         }
-        if let Some(written) = &extra.written {
+        if extra.written.is_some() {
+            let written = written(program, tree, rec);
             node.insert("written".into(), Json::Array(written.iter().map(write).collect()));
         }
         if let Some(slot) = extra.performed_in {

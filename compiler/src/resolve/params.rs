@@ -1,7 +1,7 @@
 //! Parameter lists, and patterns that take values apart.
 
 use grammar::{Form, FormKind, Span};
-use vm::code::Params;
+use vm::code::{Params, is_pattern};
 use vm::value::Symbol;
 
 use super::Scope;
@@ -68,7 +68,8 @@ impl Compiler<'_> {
         }
         let names = &read.params.names;
         for (i, name) in names.iter().enumerate() {
-            if let Some(first) = names[..i].iter().position(|other| other == name) {
+            let first = names[..i].iter().position(|other| other == name && !is_pattern(name));
+            if let Some(first) = first {
                 let (again, first) = (read.items[i].0, read.items[first].0);
                 self.error(CompileError::BoundTwice { name: name.to_string(), again, first });
             }
@@ -78,11 +79,10 @@ impl Compiler<'_> {
 
     fn param(&mut self, read: &mut ParamForms, section: Section, item: &Form) {
         let problem = |problem: &str| CompileError::Parameters { problem: problem.into(), at: item.span };
-        let number = read.params.names.len();
         let (name, default, pattern) = match (&item.kind, section) {
             (FormKind::Symbol(name), _) => (*name, None, None),
             (FormKind::List(_) | FormKind::Vector(_), Section::Required) => {
-                (Symbol::from(&format!("%{}", number + 1)), None, Some(item.clone()))
+                (Symbol::from(&item.to_string()), None, Some(item.clone()))
             }
             (FormKind::List(parts), Section::Optional | Section::Key) => match parts.as_slice() {
                 [name, default] if name.symbol().is_some() => {

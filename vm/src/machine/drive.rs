@@ -327,10 +327,12 @@ impl Machine {
                 .as_ref()
                 .is_some_and(|actual| crate::value::equal(actual, wanted, 100_000) == Some(true));
             if !same {
-                let actual = actual.map_or("missing".into(), |value| crate::print::brief(&value));
+                let given = actual.filter(|value| !value.is_unset());
+                let has = given.map(|value| format!("has {}", crate::print::brief(&value)));
                 return Some(format!(
-                    "{word} not applied: its guard wants :{key} {}, the call has {actual}",
-                    crate::print::brief(wanted)
+                    "{word} not applied: its guard wants :{key} {}, the call {}",
+                    crate::print::brief(wanted),
+                    has.as_deref().unwrap_or("does not give it")
                 ));
             }
         }

@@ -9,7 +9,7 @@ use crate::host::{CodeRequest, Host};
 use crate::native::{Raise, type_error};
 use crate::path::Path;
 use crate::tree::{NodeKind, ROOT, SlotId, Tree};
-use crate::value::{Obj, Value};
+use crate::value::{Obj, Symbol, Value};
 
 use super::Machine;
 
@@ -103,15 +103,19 @@ impl Machine {
             }
             What::WithParam(key, _) => {
                 let Some(rec) = tree.shown(slot) else { return Ok(()) };
-                let names = match tree.record(rec).kind {
+                let params = match tree.record(rec).kind {
                     NodeKind::Action => return Ok(()),
-                    _ => &self.program.functions[self.plan_at(tree, slot)?.at()].params.names,
+                    _ => &self.program.functions[self.plan_at(tree, slot)?.at()].params,
                 };
-                if names.contains(key) {
+                let known: Vec<Symbol> = params.given_names().collect();
+                if known.contains(key) {
                     return Ok(());
                 }
-                let known: Vec<&str> = names.iter().map(|name| name.as_str()).collect();
-                Err(format!("{path} has no parameter `{key}`, only {}", known.join(", ")))
+                let known: Vec<&str> = known.iter().map(|name| name.as_str()).collect();
+                Err(match known.is_empty() {
+                    true => format!("{path} has no parameter `{key}`, and no other that has a name"),
+                    false => format!("{path} has no parameter `{key}`, only {}", known.join(", ")),
+                })
             }
             _ => Ok(()),
         }
