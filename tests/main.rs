@@ -2,7 +2,7 @@
 //!
 //! [`run`] runs the programs under `run/`, each also under the [`treatments`]; [`diagnostics`]
 //! the mistakes under `diagnostics/`; [`docs`] all programs in documents and docstrings;
-//! [`limits`] what needs a program too large to be written; [`arrows`] reads the manifests.
+//! [`written`] reads back random values; [`limits`] what needs a program too large to be written; [`arrows`] reads the manifests.
 //! Only [`program`] knows how a program is loaded and run.
 //!
 //! `UPDATE_EXPECT=1` writes what came out over what was expected: read the difference.
@@ -20,3 +20,4 @@ mod program;
 mod repl;
 mod run;
 mod treatments;
+mod written;

@@ -115,7 +115,9 @@ pub enum CompileError {
     #[error("`{name}` is changed, but a function inside has captured it")]
     #[diagnostic(
         code(resolve::set_captured),
-        help("a captured variable keeps its value; write a loop instead of the function, or let `fold` hand the value on")
+        help(
+            "a captured variable keeps its value; write a loop instead of the function, or let `fold` hand the value on"
+        )
     )]
     SetCaptured {
         /// The variable.

@@ -66,33 +66,6 @@ impl Edit {
         }
     }
 
-    /// As a form that makes an equal edit.
-    #[must_use]
-    pub fn print(&self) -> String {
-        use crate::print::write;
-        let at = self.at.print();
-        let list = |paths: &[Path]| match paths {
-            [path] => path.print(),
-            paths => format!("(list {})", paths.iter().map(Path::print).collect::<Vec<_>>().join(" ")),
-        };
-        let rest = match &self.what {
-            What::Skip(None) => String::new(),
-            What::Skip(Some(value)) => format!(" :value {}", expression(value)),
-            What::Replace(code) | What::Before(code) | What::After(code) | What::Wrap(code) => {
-                format!(" '{}", write(code))
-            }
-            What::WithParam(key, value) => format!(" :{key} {}", expression(value)),
-            What::Defer(after) => format!(" :after {}", list(after)),
-            What::Owe { code, after, name } => {
-                format!(" '{} :after {} :as '{name}", write(code), list(after))
-            }
-        };
-        let guard: Vec<String> =
-            self.guard.iter().map(|(key, value)| format!(":{key} {}", expression(value))).collect();
-        let guard = if guard.is_empty() { String::new() } else { format!(" :guard {{{}}}", guard.join(" ")) };
-        format!("({} {at}{rest}{guard})", self.word())
-    }
-
     pub(crate) fn take_values(&mut self) -> Vec<Value> {
         let what = std::mem::replace(&mut self.what, What::Skip(None));
         let guard = std::mem::take(&mut self.guard).into_iter().map(|(_, value)| value);
@@ -105,12 +78,6 @@ impl Edit {
         };
         guard.chain(value).collect()
     }
-}
-
-/// An expression whose value this is: symbols and lists are quoted.
-fn expression(value: &Value) -> String {
-    let quote = if value.as_symbol().is_some() || value.as_pair().is_some() { "'" } else { "" };
-    format!("{quote}{}", crate::print::write(value))
 }
 
 /// An edit that holds in a tree.

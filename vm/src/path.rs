@@ -41,16 +41,6 @@ impl PartialOrd for Path {
 }
 
 impl Path {
-    /// As a form that makes an equal path: `(path main (transporting :call 2) fetching)`.
-    #[must_use]
-    pub fn print(&self) -> String {
-        let steps = self.steps.iter().map(|step| match step.call {
-            1 => format!(" {}", step.name),
-            call => format!(" ({} :call {call})", step.name),
-        });
-        format!("(path{})", steps.collect::<String>())
-    }
-
     /// As shown to people: `main / transporting :call 2 / fetching`.
     #[must_use]
     pub fn show(&self) -> String {

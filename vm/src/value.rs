@@ -394,6 +394,7 @@ pub fn equal(a: &Value, b: &Value, limit: usize) -> Option<bool> {
 
 /// Compares all but the parts, which go to `todo`, the first to be compared last.
 fn compare_shallow(a: &Value, b: &Value, todo: &mut Vec<(Value, Value)>) -> Ordering {
+    let (one, other) = (a, b);
     let (a, b) = match (a, b) {
         (Value::Imm(a), Value::Imm(b)) => return compare_imm(a, b),
         (Value::Imm(_), Value::Obj(_)) => return Ordering::Less,
@@ -446,7 +447,8 @@ fn compare_shallow(a: &Value, b: &Value, todo: &mut Vec<(Value, Value)>) -> Orde
         (Obj::Vec3(a), Obj::Vec3(b)) => a.total_cmp(b),
         (Obj::Counter(a), Obj::Counter(b)) => a.get().cmp(&b.get()),
         (Obj::Path(a), Obj::Path(b)) => a.cmp(b),
-        (Obj::Edit(a), Obj::Edit(b)) => a.print().cmp(&b.print()),
+        // Their texts make equal edits.
+        (Obj::Edit(_), Obj::Edit(_)) => crate::print::write(one).cmp(&crate::print::write(other)),
         (Obj::Tree(a), Obj::Tree(b)) => a.fingerprint().cmp(&b.fingerprint()),
         _ => a.rank().cmp(&b.rank()),
     }
@@ -456,7 +458,7 @@ fn compare_imm(a: &Imm, b: &Imm) -> Ordering {
     match (a, b) {
         (Imm::Bool(a), Imm::Bool(b)) => a.cmp(b),
         (Imm::Int(a), Imm::Int(b)) => a.cmp(b),
-        (Imm::Float(a), Imm::Float(b)) => a.total_cmp(b),
+        (Imm::Float(a), Imm::Float(b)) => one_nan(*a).total_cmp(&one_nan(*b)),
         (Imm::Int(a), Imm::Float(b)) => int_before_float(*a, *b),
         (Imm::Float(a), Imm::Int(b)) => int_before_float(*b, *a).reverse(),
         (Imm::Symbol(a), Imm::Symbol(b))
@@ -474,8 +476,14 @@ fn compare_imm(a: &Imm, b: &Imm) -> Ordering {
     }
 }
 
+/// There is one nan and one text for it: its sign and payload say nothing.
+fn one_nan(float: f64) -> f64 {
+    if float.is_nan() { f64::NAN } else { float }
+}
+
 /// By exact size; an integer before the float of its size, but after -0.0. nan is at its end.
 fn int_before_float(int: i64, float: f64) -> Ordering {
+    let float = one_nan(float);
     let by_size = crate::arith::int_with_float(int, float).unwrap_or_else(|| 0.0_f64.total_cmp(&float));
     by_size.then_with(|| (int as f64).total_cmp(&float)).then(Ordering::Less)
 }
