@@ -613,7 +613,7 @@ impl<'p> Oracle<'p> {
         }
         match self.form(&inner, Part::Clause(at), |it, here| it.body(here, &clause.body, Use::Effect)) {
             Ok(_) => Err(Exit::Fail(failure)),
-            Err(Exit::Propagate(failure)) => Err(Exit::Fail(failure)),
+            Err(Exit::Propagate(passed)) => Err(Exit::Fail(caused_by(&passed, &failure))),
             Err(Exit::Retry) => Ok(None),
             Err(Exit::Return(value)) => Ok(Some(value)),
             Err(Exit::Fail(new)) => Err(Exit::Fail(caused_by(&new, &failure))),
@@ -822,8 +822,18 @@ fn round_keys(items: &[Value]) -> Vec<Step> {
     items.iter().enumerate().map(key).collect()
 }
 
-/// A failure that left a clause: what was being handled is its first cause.
+/// A failure that left a clause: what was being handled is its first cause, and that of the failures
+/// which have come beside it since.
 fn caused_by(failure: &Value, handled: &Value) -> Value {
+    let (Some(it), Some(before)) = (failure.as_failure(), handled.as_failure()) else {
+        return failure.clone();
+    };
+    let also = it.also.iter().map(|other| {
+        let is_other = |also: &Failure| other.as_failure().is_some_and(|other| also.is_same_event(other));
+        let known = before.also.iter().filter_map(Value::as_failure).any(is_other);
+        if known { other.clone() } else { caused_by(other, handled) }
+    });
+    let failure = &Value::failure(Failure { also: also.collect(), ..it.clone() });
     let causes = std::iter::successors(failure.as_failure(), |it| it.cause.as_ref()?.as_failure());
     if handled.as_failure().is_some_and(|handled| causes.into_iter().any(|it| it.is_same_event(handled))) {
         return failure.clone();

@@ -116,7 +116,7 @@ impl Machine {
                 }
                 FormKind::Clauses { failure: register } => {
                     let handled = self.reg(register).clone();
-                    failure = caused_by(failure, &handled);
+                    failure = caused_by(failure, &handled, &mut { MOST_KEPT });
                     if handling == Some(form) {
                         // The rest of the frame stands for a place that has been left.
                         self.end_handling();
@@ -137,12 +137,27 @@ impl Machine {
     }
 }
 
-/// A failure that left a handler: what was being handled is its first cause.
-fn caused_by(failure: Value, handled: &Value) -> Value {
+/// A failure that left a handler: what was being handled is the first cause of it, and of those that
+/// have ended beside it since. So many failures are looked at as there is `room` for.
+fn caused_by(mut failure: Value, handled: &Value, room: &mut usize) -> Value {
+    let Some(it) = failure.as_failure().filter(|_| *room > 0) else { return failure };
+    *room -= 1;
+    if it.also.iter().any(|other| !is_beside(other, handled)) {
+        let mut it = it.clone();
+        for other in it.also.iter_mut().filter(|other| !is_beside(other, handled)) {
+            *other = caused_by(std::mem::take(other), handled, room);
+        }
+        failure = Value::failure(it);
+    }
     if is_same_event(&failure, handled) || !chain_ends(&failure, handled) {
         return failure;
     }
     add_cause(&failure, handled, MOST_KEPT)
+}
+
+/// True if a failure had ended beside another one before that was handled.
+fn is_beside(other: &Value, handled: &Value) -> bool {
+    handled.as_failure().is_some_and(|it| it.also.iter().any(|also| is_same_event(also, other)))
 }
 
 /// True for copies of one failure: a clause that lets it pass raises a copy.
