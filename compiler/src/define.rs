@@ -615,6 +615,7 @@ impl Compiler<'_> {
         let params = params.unwrap_or_else(|| ParamForms::of_names(&names, span));
         let at_home = self.home(plan).unwrap_or(module);
         let scope = Scope::new(at_home, FnKind::Inserted).with_original(original);
+        // As in an expansion, what means nothing where the edit is made means what it means there, too.
         self.within.push(at_home);
         let function = self.function_in(scope, module, name, &params, std::slice::from_ref(&code), span);
         self.within.clear();

@@ -28,8 +28,8 @@ pub struct CodeRequest<'a> {
     pub form: &'a Value,
     /// The plan whose parameters it sees.
     pub plan: FnId,
-    /// The function in whose module its names mean something: the plan, or for an action the function
-    /// that performs it.
+    /// The function that makes the edit: names mean what they mean in its module, and those that mean
+    /// nothing there what they mean in the plan's.
     pub home: FnId,
     /// True if `(original)` may stand in it.
     pub original: bool,

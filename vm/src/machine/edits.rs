@@ -67,7 +67,7 @@ impl Machine {
         };
         self.check_value(tree, slot, edit)?;
         let plan = self.plan_at(tree, slot)?;
-        // The code means what its words mean where it was written: there the edit is made.
+        // The code means what its words mean where the edit is made: there it was written, mostly.
         let at = self.top().pc.checked_sub(1).map(crate::code::Pc);
         let home = at.and_then(|at| self.program.function_at(at)).unwrap_or(plan);
         let code = match &edit.what {
