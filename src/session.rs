@@ -1,7 +1,7 @@
 //! A session: a program, the machine that runs it, and the files that it comes from.
 
 use std::path::{Path, PathBuf};
-use std::time::{SystemTime, UNIX_EPOCH};
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use compiler::module::{Meaning, ModuleId};
 use compiler::{Front, Loaded, Report};
@@ -26,6 +26,10 @@ pub struct Options {
     pub grants: Grants,
     /// Key of all random draws.
     pub seed: u64,
+    /// Key of the order in which ready tasks have their turns; 0 is the order of the source.
+    pub schedule: u64,
+    /// Time passes as it does on the wall, not at once.
+    pub real_time: bool,
     /// Keep the syntax trees, for those who walk them.
     pub keep_ast: bool,
     /// How diagnostics are drawn.
@@ -38,6 +42,8 @@ pub trait Output {
     fn print(&mut self, text: &str);
     /// A start or an end, as it happens.
     fn trace(&mut self, _line: &str) {}
+    /// A mistake of the program that nothing else will show.
+    fn complain(&mut self, _line: &str) {}
     /// What came from outside and is now part of the run's log.
     fn logged(&mut self, _entry: &Entry) {}
     /// Asked between two rounds; false stops the run there.
@@ -93,6 +99,8 @@ pub struct Session {
     /// A sealed run came to the end of its log: what happened after that step means nothing.
     pub log_ended: bool,
     style: Style,
+    /// Time passes as it does on the wall.
+    real_time: bool,
 }
 
 /// The root's part of a run: prints, reads files, compiles the code of edits.
@@ -102,7 +110,11 @@ struct Door<'a> {
     output: &'a mut dyn Output,
     sealed: bool,
     log_ended: &'a mut bool,
+    real_time: bool,
 }
+
+/// How long a run in real time sleeps before it asks whether it is to stop.
+const NAP: Duration = Duration::from_millis(20);
 
 impl Host for Door<'_> {
     fn print(&mut self, text: &str) {
@@ -113,6 +125,11 @@ impl Host for Door<'_> {
     fn trace(&mut self, line: &str) {
         if !*self.log_ended {
             self.output.trace(line);
+        }
+    }
+    fn complain(&mut self, line: &str) {
+        if !*self.log_ended {
+            self.output.complain(line);
         }
     }
     fn answer(&mut self, request: &Request) -> Result<Json, String> {
@@ -136,6 +153,19 @@ impl Host for Door<'_> {
                 Ok(json!(now.as_secs_f64()))
             }
         }
+    }
+    fn pass(&mut self, ns: u64) -> bool {
+        if !self.real_time {
+            return true;
+        }
+        let end = Instant::now() + Duration::from_nanos(ns);
+        while let Some(left) = end.checked_duration_since(Instant::now()).filter(|left| !left.is_zero()) {
+            if !self.output.goes_on() {
+                return false;
+            }
+            std::thread::sleep(left.min(NAP));
+        }
+        true
     }
     fn commit(&mut self, entry: &Entry) {
         if !*self.log_ended {
@@ -183,6 +213,7 @@ impl Session {
     #[must_use]
     pub fn new(options: Options) -> Session {
         let mut machine = Machine::new(options.limits, options.grants, options.seed);
+        machine.schedule = options.schedule;
         machine.program.natives = stdlib::natives();
         let mut front = Front::default();
         front.keep_ast = options.keep_ast;
@@ -202,6 +233,7 @@ impl Session {
             sealed: false,
             log_ended: false,
             style: options.style,
+            real_time: options.real_time,
         };
         for loaded in library {
             let errors: Vec<String> = loaded.reports.iter().map(|it| session.report(it)).collect();
@@ -277,11 +309,17 @@ impl Session {
     /// [`Session::stop_at`].
     pub fn call_until(&mut self, function: FnId, args: Vec<Value>, output: &mut dyn Output) -> Progress {
         self.machine.start(function, args);
+        self.go_on(output)
+    }
+
+    /// The same for a call that has been stopped.
+    pub fn go_on(&mut self, output: &mut dyn Output) -> Progress {
         loop {
             let round = self.machine.steps() + QUANTUM;
             let stop = self.stop_at.map_or(round, |stop| stop.min(round));
             let progress = self.go(output, Some(stop));
-            let there = self.stop_at.is_some_and(|stop| self.machine.steps() >= stop);
+            let there = self.machine.stopped_at().is_some()
+                || self.stop_at.is_some_and(|stop| self.machine.steps() >= stop);
             if self.log_ended {
                 return Progress::Stopped;
             }
@@ -293,9 +331,10 @@ impl Session {
 
     /// Goes on with what the machine does, until it ends or until `stop` units of fuel are used.
     pub fn go(&mut self, output: &mut dyn Output, stop: Option<u64>) -> Progress {
-        let Session { front, machine, sealed, log_ended, .. } = self;
+        let Session { front, machine, sealed, log_ended, real_time, .. } = self;
         let grants = machine.grants.clone();
-        let mut door = Door { front, grants: &grants, output, sealed: *sealed, log_ended };
+        let mut door =
+            Door { front, grants: &grants, output, sealed: *sealed, log_ended, real_time: *real_time };
         machine.go(&mut door, stop)
     }
 

@@ -14,6 +14,7 @@ mod journal;
 pub mod json;
 mod resume;
 pub mod run;
+mod schedules;
 pub mod settings;
 pub mod term;
 mod test;

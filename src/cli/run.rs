@@ -22,6 +22,8 @@ Examples:
   pleach run kitchen.plan --plan set-table --arg \"'(cup plate)\" --arg 2
   pleach run kitchen.plan --quiet --seed 7 --fuel 1_000_000 --memory 512M
   pleach run report.plan --allow read=data --allow write=out
+  pleach run team.plan --timeline
+  pleach run team.plan --schedules 0..200
   pleach run long.plan --log long.log --stop-at 5000 && pleach resume long.log
 
 The program's own output goes to stdout; the tree of its tasks, failures and --trace go to stderr.
@@ -56,6 +58,9 @@ pub struct Run {
     args: Vec<String>,
     #[command(flatten)]
     show: Show,
+    /// Run once for each of these schedules, and say whether they end alike: 0..200
+    #[arg(long, value_name = "A..B", value_parser = super::schedules::range, conflicts_with_all = ["log", "stop_at", "trace", "timeline", "schedule"])]
+    schedules: Option<std::ops::Range<u64>>,
     /// Write what comes from outside into a file, so that the run can be resumed and replayed
     #[arg(long, value_name = "FILE")]
     log: Option<PathBuf>,
@@ -78,9 +83,19 @@ pub struct Show {
     /// Show each start and end of a task as it happens
     #[arg(long)]
     trace: bool,
+    /// Show which task ran when, instead of the tree
+    #[arg(long)]
+    timeline: bool,
     /// Show the whole tree, however large
     #[arg(long)]
     all: bool,
+}
+
+impl Show {
+    /// Result as JSON on stdout.
+    pub fn json(&self) -> bool {
+        self.json
+    }
 }
 
 /// What is run, and how: all that a log must know to run it again.
@@ -112,6 +127,9 @@ pub struct Start<'a> {
 /// Runs a plan file.
 pub fn run(it: Run) -> Answer {
     let job = Job { file: it.file, plan: it.plan, args: it.args, settings: it.settings };
+    if let Some(schedules) = it.schedules {
+        return super::schedules::explore(&job, &it.show, schedules);
+    }
     let start = Start { log: it.log.as_deref(), stop_at: it.stop_at, ..Start::default() };
     perform(&job, &it.show, &start)
 }
@@ -178,7 +196,7 @@ fn again(session: &mut Session, job: &Job, call: Option<&str>, start: &Start<'_>
 }
 
 /// The form that calls the plan; nothing for `main` or for a file without a plan.
-fn call(session: &Session, job: &Job) -> Result<Option<String>, Trouble> {
+pub fn call(session: &Session, job: &Job) -> Result<Option<String>, Trouble> {
     for arg in &job.args {
         let parsed = grammar::parse(grammar::FileId(0), arg);
         if !parsed.errors.is_empty() || parsed.forms.len() != 1 {
@@ -294,6 +312,10 @@ impl Output for Console {
             term::complain(&format!("{line}\n"));
         }
     }
+    fn complain(&mut self, line: &str) {
+        self.flush();
+        term::complain(&format!("warning: {line}\n"));
+    }
     fn logged(&mut self, entry: &Entry) {
         if let Some(journal) = &mut self.journal
             && let Err(error) = journal.add(entry)
@@ -326,7 +348,7 @@ impl Output for Silence {
 // Afterwards
 
 /// Shows errors of the program.
-fn errors(session: &Session, reports: &[Report], show: &Show) -> u8 {
+pub fn errors(session: &Session, reports: &[Report], show: &Show) -> u8 {
     if show.json {
         let errors: Vec<Json> = reports.iter().map(|it| json::report(&session.files, it)).collect();
         term::say(&format!("{}\n", json!({"outcome": "errors", "errors": errors})));
@@ -355,7 +377,11 @@ fn report(session: &Session, ended: &Ended, show: &Show, console: &mut Console, 
         term::say(&format!("{}\n", result_json(session, ended, outcome, show, job)));
         return Ok(code);
     }
-    if !show.quiet {
+    if show.timeline {
+        let most = if show.all { usize::MAX } else { MOST_NODES };
+        let machine = &session.machine;
+        term::complain(&vm::show::timeline(&machine.program, machine.tree(), machine.now(), most));
+    } else if !show.quiet {
         term::complain(&tree_text(session, show.all, "--all", term::error_style()));
     }
     match ended {

@@ -14,6 +14,12 @@ pub struct Settings {
     /// Key of all random draws
     #[arg(long, value_name = "N", default_value_t = 0, value_parser = count)]
     pub seed: u64,
+    /// Key of the order in which ready tasks have their turns; 0 is the order of the source
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = count)]
+    pub schedule: u64,
+    /// What time is: `virtual` passes at once, `real` as on the wall
+    #[arg(long, value_name = "KIND", default_value = "virtual")]
+    pub clock: Clock,
     /// Most calls and backward jumps
     #[arg(long, value_name = "N", value_parser = count, help_heading = "Limits")]
     pub fuel: Option<u64>,
@@ -35,6 +41,15 @@ pub struct Settings {
     pub allow: Vec<String>,
 }
 
+/// What time is for a run.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+pub enum Clock {
+    /// It passes at once, when all tasks wait.
+    Virtual,
+    /// It passes as on the wall.
+    Real,
+}
+
 impl Settings {
     /// As options of a session.
     pub fn options(&self, style: Style) -> Result<Options, Trouble> {
@@ -42,6 +57,8 @@ impl Settings {
             limits: self.limits(),
             grants: self.grants()?,
             seed: self.seed,
+            schedule: self.schedule,
+            real_time: self.clock == Clock::Real,
             style,
             ..Options::default()
         })
@@ -82,7 +99,7 @@ impl Settings {
         let Limits { fuel, depth, memory, nodes, output } = self.limits();
         let limits =
             json!({"fuel": fuel, "depth": depth, "memory": memory, "nodes": nodes, "output": output});
-        json!({"seed": self.seed, "limits": limits, "allow": self.allow})
+        json!({"seed": self.seed, "schedule": self.schedule, "limits": limits, "allow": self.allow})
     }
 
     /// From the head of a log.
@@ -91,6 +108,9 @@ impl Settings {
         let allow = json["allow"].as_array()?.iter().map(|it| it.as_str().map(str::to_string));
         Some(Settings {
             seed: json["seed"].as_u64()?,
+            schedule: json["schedule"].as_u64()?,
+            // A replay need not wait.
+            clock: Clock::Virtual,
             fuel: Some(limit("fuel")?),
             depth: Some(limit("depth")?),
             memory: Some(limit("memory")?),

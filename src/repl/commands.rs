@@ -17,6 +17,16 @@ pub const COMMANDS: &[(&str, &str, &str)] = &[
     (":load", "FILE", "define what a file defines, again if need be"),
     (":code", "NAME", "the instructions of a function or plan"),
     (":expand", "FORM", "a form with the macro at its head expanded"),
+    (
+        ":break",
+        "[NAME]",
+        "stop where a task begins whose path ends so: deliver, fetch / drive; `none`: nowhere",
+    ),
+    (":continue", "", "go on with what is stopped"),
+    (":step", "[N]", "go on for so many calls and backward jumps, 1 if not said"),
+    (":back", "[N]", "go back in time for so many, by running all inputs again"),
+    (":tasks", "", "the tasks that run, and what they wait for"),
+    (":fluents", "", "the fluents in use, and what they hold"),
     (":reset", "", "forget all that was typed; load the file of the start again"),
     (":quit", "", "leave, as Ctrl-D does"),
 ];
@@ -56,7 +66,13 @@ pub fn run(prompt: &mut Prompt, line: &str) -> After {
         ":tree" => {
             term::say(&run::tree_text(&prompt.session, argument == "all", ":tree all", term::out_style()))
         }
-        ":load" => load(prompt, argument),
+        ":load" => load(prompt, Path::new(argument)),
+        ":break" => prompt.break_at(argument),
+        ":continue" => prompt.go_on(None),
+        ":step" => number(argument).into_iter().for_each(|n| prompt.go_on(Some(n))),
+        ":back" => number(argument).into_iter().for_each(|n| prompt.back(n)),
+        ":tasks" => prompt.tasks(),
+        ":fluents" => prompt.fluents(),
         ":code" => code(prompt, argument),
         ":expand" => expand(prompt, argument),
         ":reset" => prompt.reset(),
@@ -92,6 +108,8 @@ fn document(prompt: &Prompt, name: &str) {
 }
 
 fn describe(prompt: &mut Prompt, form: &str) {
+    prompt.give_up();
+    prompt.script.push(super::debug::Typed::Forms(form.to_string()));
     prompt.inputs += 1;
     let loaded = prompt.session.extend(&format!("input {}", prompt.inputs), form);
     if let Some(value) = prompt.execute(loaded) {
@@ -102,12 +120,27 @@ fn describe(prompt: &mut Prompt, form: &str) {
     }
 }
 
-fn load(prompt: &mut Prompt, path: &str) {
-    let path = Path::new(path);
+/// How many steps: 1 if not said.
+fn number(text: &str) -> Option<u64> {
+    match text {
+        "" => Some(1),
+        text => match crate::cli::settings::count(text) {
+            Ok(number) => Some(number),
+            Err(why) => {
+                term::say(&format!("error: {why}\n"));
+                None
+            }
+        },
+    }
+}
+
+pub fn load(prompt: &mut Prompt, path: &Path) {
+    prompt.give_up();
+    prompt.script.push(super::debug::Typed::Load(path.to_path_buf()));
     match prompt.session.extend_file(path) {
         Ok(loaded) => {
             if prompt.execute(loaded).is_some() {
-                term::say(&format!("loaded {}\n", path.display()));
+                prompt.screen.say(&format!("loaded {}\n", path.display()));
             }
         }
         Err(why) => term::say(&term::trouble(&files::unreadable(path, why))),

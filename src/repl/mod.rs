@@ -21,6 +21,7 @@
 
 mod commands;
 mod complete;
+mod debug;
 mod highlight;
 mod input;
 mod inspect;
@@ -39,7 +40,8 @@ use vm::print::{LIMIT, Printer};
 use vm::value::{Symbol, Value};
 
 use crate::cli::settings::Settings;
-use crate::cli::{Answer, files, interrupt, run, term};
+use crate::cli::{Answer, files, interrupt, term};
+use debug::{Stopped, Typed};
 use input::Input;
 
 pub const HELP: &str = "\
@@ -81,6 +83,13 @@ struct Prompt {
     last: Vec<Value>,
     screen: Screen,
     inputs: usize,
+    /// What is left of an input whose run is stopped.
+    stopped: Option<Stopped>,
+    /// The form of the input that was begun last.
+    begun: FnId,
+    /// What has been typed so far and run.
+    script: Vec<Typed>,
+    breaks: Vec<String>,
 }
 
 /// What programs print at the prompt.
@@ -89,16 +98,29 @@ struct Screen {
     printed: usize,
     /// The last line has no end yet.
     open_line: bool,
+    /// It runs again what it has shown before.
+    mute: bool,
 }
 
 impl Output for Screen {
     fn print(&mut self, text: &str) {
         self.printed += text.len();
         self.open_line = if text.is_empty() { self.open_line } else { !text.ends_with('\n') };
-        term::say(text);
+        self.say(text);
+    }
+    fn complain(&mut self, line: &str) {
+        self.say(&format!("warning: {line}\n"));
     }
     fn goes_on(&mut self) -> bool {
         !interrupt::asked()
+    }
+}
+
+impl Screen {
+    fn say(&self, text: &str) {
+        if !self.mute {
+            term::say(text);
+        }
     }
 }
 
@@ -142,6 +164,10 @@ impl Prompt {
             last: Vec::new(),
             screen: Screen::default(),
             inputs: 0,
+            stopped: None,
+            begun: FnId(0),
+            script: Vec::new(),
+            breaks: Vec::new(),
         };
         prompt.session.front.keep_forms = true;
         prompt
@@ -177,22 +203,24 @@ impl Prompt {
 
     /// Runs forms, and prints the value of the last one.
     fn evaluate(&mut self, text: &str) {
+        self.give_up();
+        self.script.push(Typed::Forms(text.to_string()));
         self.inputs += 1;
         let before = self.session.files.iter().count() as u32;
         let loaded = self.session.extend(&format!("input {}", self.inputs), text);
         let Some(value) = self.execute(loaded) else { return };
         for (name, definition) in self.defined_in(grammar::FileId(before)) {
-            term::say(&format!("defined {name}, {}\n", definition.meaning.words()));
+            self.screen.say(&format!("defined {name}, {}\n", definition.meaning.words()));
         }
         if let Some(value) = value {
-            term::say(&format!("{}\n", self.text(&value)));
+            self.screen.say(&format!("{}\n", self.text(&value)));
             self.remember(value);
         }
     }
 
     /// Runs what a text gave. Nothing if it has errors or failed; else the value of its last form.
     fn execute(&mut self, loaded: Loaded) -> Option<Option<Value>> {
-        loaded.reports.iter().for_each(|report| term::say(&self.session.report(report)));
+        loaded.reports.iter().for_each(|report| self.screen.say(&self.session.report(report)));
         if !loaded.reports.iter().all(Report::is_warning) {
             return None;
         }
@@ -200,32 +228,50 @@ impl Prompt {
         let machine = &mut self.session.machine;
         machine.limits.fuel = machine.steps().saturating_add(self.options.limits.fuel);
         machine.limits.output = self.screen.printed.saturating_add(self.options.limits.output);
-        let mut last = None;
-        for init in loaded.init {
-            let is_form = self.session.machine.program.functions[init.at()].name == "top-level";
-            let progress = self.session.call_until(init, Vec::new(), &mut self.screen);
-            self.end_line();
-            match progress {
-                Progress::Ended(Ok(value)) => last = is_form.then_some(value),
+        let mut rest = loaded.init;
+        if rest.is_empty() {
+            return Some(None);
+        }
+        let first = rest.remove(0);
+        let progress = self.session.call_until(first, Vec::new(), &mut self.screen);
+        self.begun = first;
+        self.end_line();
+        self.proceed(progress, rest)
+    }
+
+    /// Does what an input does after a form of it has ended or been stopped.
+    fn proceed(&mut self, mut progress: Progress, rest: Vec<FnId>) -> Option<Option<Value>> {
+        let mut rest = rest.into_iter();
+        loop {
+            let is_form = self.session.machine.program.functions[self.begun.at()].name == "top-level";
+            let last = match progress {
+                Progress::Ended(Ok(value)) => is_form.then_some(value),
                 Progress::Ended(Err(failure)) => {
-                    term::say(&render::failure_in_source(&self.session.files, &failure, term::out_style()));
+                    let text = render::failure_in_source(&self.session.files, &failure, term::out_style());
+                    self.screen.say(&text);
                     let cell = self.cells.last().copied();
                     cell.into_iter().for_each(|cell| self.set(cell, failure.clone()));
                     return None;
                 }
                 Progress::Stopped => {
-                    term::say(&format!("interrupted\n{}", run::place_text(&self.session)));
+                    self.stopped = Some(Stopped { rest: rest.collect() });
+                    if !self.screen.mute {
+                        self.say_where();
+                    }
                     return None;
                 }
-            }
+            };
+            let Some(next) = rest.next() else { return Some(last) };
+            progress = self.session.call_until(next, Vec::new(), &mut self.screen);
+            self.begun = next;
+            self.end_line();
         }
-        Some(last)
     }
 
     /// Ends the line that a program has left open.
     fn end_line(&mut self) {
         if std::mem::take(&mut self.screen.open_line) {
-            term::say("\n");
+            self.screen.say("\n");
         }
     }
 
