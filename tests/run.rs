@@ -5,6 +5,7 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use grammar::{Form, FormKind};
+use pleach::{Options, Session};
 
 use crate::expected::{check_file, report};
 use crate::program::{Program, Ran, Stops, files_below};
@@ -73,6 +74,7 @@ areas! {
     failures "failures";
     retries "retries";
     clean_up "clean-up";
+    tasks "tasks";
     trees "trees";
     edits "edits";
     limits "limits";
@@ -151,4 +153,15 @@ fn each_type_of_failures_occurs_somewhere() {
     let missing: Vec<&str> =
         vm::Builtin::ALL.iter().map(|kind| kind.name()).filter(|name| !occurs(name)).collect();
     assert_eq!(missing, [""; 0]);
+}
+
+/// The only test that looks at the clock on the wall: a run in real time takes as long as it says.
+#[test]
+fn a_run_in_real_time_takes_its_time() {
+    let begun = std::time::Instant::now();
+    let mut session = Session::new(Options { real_time: true, ..Options::default() });
+    let run = session.run_text("real.plan", "(def-plan main () (par (sleep 0.3) (sleep 0.2)) (print (now)))");
+    assert_eq!(run.printed, "0.3\n");
+    let took = begun.elapsed().as_secs_f64();
+    assert!((0.3..10.0).contains(&took), "took {took} s");
 }

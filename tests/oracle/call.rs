@@ -114,7 +114,7 @@ impl<'p> Oracle<'p> {
         }
         let usage = match function.kind {
             FnKind::Function | FnKind::Lambda => Use::Tail,
-            FnKind::Plan | FnKind::TopLevel | FnKind::Inserted => Use::Effect,
+            FnKind::Plan | FnKind::TopLevel | FnKind::Inserted | FnKind::Branch => Use::Effect,
         };
         self.body(&inner, &function.body, usage)
     }
@@ -179,6 +179,7 @@ impl<'p> Oracle<'p> {
             }
             Ok(Next::RunPlan { plan, args, tree }) => self.run_plan(here, &plan, args, tree),
             Ok(Next::EditTree { tree, edits }) => self.edit_tree(here, &tree, &edits),
+            Ok(Next::Sleep(_) | Next::Task(_)) => Err(Exit::GiveUp("the oracle does not wait".into())),
             Ok(Next::Ask(_)) => Err(Exit::GiveUp("the oracle has no world to ask".into())),
         }
     }

@@ -468,6 +468,7 @@ impl<'p> Oracle<'p> {
                 self.native(here, expr, native, args, usage)
             }
             ExprKind::Original => self.original(here),
+            ExprKind::Fork { .. } => Err(Exit::GiveUp("the oracle does one thing at a time".into())),
         }
     }
 
