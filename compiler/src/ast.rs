@@ -7,6 +7,7 @@ use grammar::Span;
 use vm::code::{FnId, FnKind, GlobalId, NativeId, Params};
 use vm::desc::Match;
 use vm::failure::TypeId;
+use vm::machine::ForkKind;
 use vm::value::{Symbol, Value};
 
 /// A variable of a function, as an index into [`Function::vars`].
@@ -138,6 +139,15 @@ pub enum ExprKind {
     Call(Callee, Vec<Option<Expr>>),
     /// `(perform desc :goal goal)`
     Perform(Box<Expr>, Option<Box<Function>>),
+    /// A parallel form: its branches, each with the name of its node.
+    Fork {
+        /// Which one.
+        kind: ForkKind,
+        /// The list of a loop, or the seconds of a time-out.
+        extra: Box<Expr>,
+        /// The branches; the body of a loop is one, with the element as its parameter.
+        branches: Vec<(Symbol, Function)>,
+    },
     /// `(with-failure-handling (clauses…) body…)`
     Handle(Vec<Clause>, Vec<Expr>),
     /// `(retry)`

@@ -116,7 +116,7 @@ pub enum CompileError {
     #[diagnostic(
         code(resolve::set_captured),
         help(
-            "a captured variable keeps its value; write a loop instead of the function, or let `fold` hand the value on"
+            "a captured variable keeps its value; write a loop, let `fold` hand the value on, or use a fluent"
         )
     )]
     SetCaptured {
@@ -220,6 +220,30 @@ pub enum CompileError {
         form: String,
         /// Where it stands.
         #[label("not at the top level")]
+        at: Span,
+    },
+
+    /// An order of steps that are not there.
+    #[error("no step is called `{name}`")]
+    #[diagnostic(code(form::unknown_step), help("the steps are {}; a step gets its name by `(:tag name form)`", list(.steps)))]
+    UnknownStep {
+        /// The name.
+        name: String,
+        /// The names that there are.
+        steps: Vec<String>,
+        /// Where the order names it.
+        #[label("not a step of this form")]
+        at: Span,
+    },
+
+    /// Steps each of which comes before the other.
+    #[error("these steps would wait for each other: {}", list(.steps))]
+    #[diagnostic(code(form::order_cycle), help("leave out one of the orders between them"))]
+    OrderCycle {
+        /// The names of the steps.
+        steps: Vec<String>,
+        /// The form.
+        #[label("none of them could begin")]
         at: Span,
     },
 
@@ -467,6 +491,8 @@ impl CompileError {
             | E::Outside { at, .. }
             | E::NotAtTop { at, .. }
             | E::BoundTwice { again: at, .. }
+            | E::UnknownStep { at, .. }
+            | E::OrderCycle { at, .. }
             | E::Parameters { at, .. }
             | E::DescKind { at, .. }
             | E::DescProperty { at, .. }
@@ -490,4 +516,9 @@ impl CompileError {
     pub fn is_warning(&self) -> bool {
         matches!(self, CompileError::Misplaced { .. })
     }
+}
+
+/// Names in a sentence; a word where there are none.
+fn list(names: &[String]) -> String {
+    if names.is_empty() { "none".into() } else { names.join(", ") }
 }

@@ -166,6 +166,8 @@ pub(crate) struct Compiler<'p> {
     /// The modules of the macros whose expansions are around the form that is being resolved. A name
     /// that means nothing where the macro is called means what it means there.
     within: Vec<ModuleId>,
+    /// In an expression over fluents: the constants that it reads.
+    reads_fluents: Option<Vec<GlobalId>>,
     /// The functions that the one being resolved mentions.
     mentioned: Vec<FnId>,
     /// How deep the forms are nested that are being resolved, those of functions that wait for others
@@ -374,6 +376,7 @@ impl Front {
             program,
             reports: Vec::new(),
             within: Vec::new(),
+            reads_fluents: None,
             mentioned: Vec::new(),
             depth: 0,
             taken: expand::Taken::default(),

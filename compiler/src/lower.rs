@@ -157,7 +157,7 @@ impl<'p> Lower<'p> {
         }
         match self.kind {
             FnKind::Function | FnKind::Lambda => self.tail_body(&function.body),
-            FnKind::Plan | FnKind::TopLevel | FnKind::Inserted => {
+            FnKind::Plan | FnKind::TopLevel | FnKind::Inserted | FnKind::Branch => {
                 let dst = self.register();
                 self.body(&function.body, dst, Use::Last);
                 self.emit(if self.kind == FnKind::Plan { Op::ReturnPlan(dst) } else { Op::Return(dst) });
@@ -366,6 +366,9 @@ impl<'p> Lower<'p> {
             ExprKind::Lambda(function) => self.lambda(function, dst),
             ExprKind::Call(callee, args) => self.call(callee, args, dst, used),
             ExprKind::Perform(desc, goal) => self.perform(desc, goal.as_deref(), dst, used),
+            ExprKind::Fork { kind, extra, branches } => {
+                self.step(|it| it.fork(*kind, extra, branches, dst, used));
+            }
             ExprKind::Handle(clauses, body) => self.step(|it| it.handle(clauses, body, dst, used)),
             ExprKind::Retry => self.retry(),
             ExprKind::Return(value) => self.return_(value),
@@ -671,6 +674,7 @@ fn move_site(op: &mut Op, by: u32) {
         | Op::CallValue(_, _, _, site)
         | Op::TailCallValue(_, _, site)
         | Op::Perform(_, _, site)
+        | Op::Fork(_, _, _, site)
         | Op::Original(_, site) => site.0 += by,
         _ => {}
     }

@@ -21,6 +21,8 @@ pub const PAGES: &[(&str, &str)] = &[
     ("form::not_callable", include_str!("../errors/form-not_callable.md")),
     ("form::outside", include_str!("../errors/form-outside.md")),
     ("form::not_at_top", include_str!("../errors/form-not_at_top.md")),
+    ("form::unknown_step", include_str!("../errors/form-unknown_step.md")),
+    ("form::order_cycle", include_str!("../errors/form-order_cycle.md")),
     ("form::bound_twice", include_str!("../errors/form-bound_twice.md")),
     ("form::parameters", include_str!("../errors/form-parameters.md")),
     ("desc::kind", include_str!("../errors/desc-kind.md")),

@@ -28,6 +28,7 @@ mod sequence;
 mod string;
 mod symbol;
 mod table;
+mod task;
 mod tree;
 mod value;
 mod vector;
@@ -54,6 +55,7 @@ pub fn natives() -> Vec<Native> {
         failure::natives(),
         io::natives(),
         random::natives(),
+        task::natives(),
         tree::natives(),
     ];
     topics.into_iter().flatten().collect()
@@ -70,7 +72,7 @@ macro_rules! modules {
 
 modules! {
     "language" "value" "number" "list" "vector" "map" "function" "sequence"
-    "symbol" "string" "format" "description" "geometry" "failure" "io" "random" "control" "tree"
+    "symbol" "string" "format" "description" "geometry" "failure" "io" "random" "control" "task" "tree"
 }
 
 #[cfg(test)]

@@ -16,7 +16,7 @@ natives! {
     "string?" [1] => |args: &[Value]| Ok(Value::bool(args[0].as_str().is_some()));
     "stringp" [1] => |args: &[Value]| Ok(Value::bool(args[0].as_str().is_some()));
     "concat" [0 ..] => concat;
-    "join" [1 2] in ctx => join;
+    "string-join" [1 2] in ctx => join;
     "repeat" [2] => repeat;
     "split" [1 2] => split;
     "substring" [2 3] => substring;

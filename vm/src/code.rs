@@ -84,6 +84,8 @@ pub enum FnKind {
     Plan,
     /// `lambda`
     Lambda,
+    /// A branch of a parallel form: each run of it makes a node.
+    Branch,
     /// The top-level forms of a file.
     TopLevel,
     /// Code that an edit brings in, with the parameters of the plan that it edits.
@@ -96,6 +98,7 @@ impl FnKind {
     pub fn word(self) -> &'static str {
         match self {
             FnKind::Function | FnKind::Lambda => "function",
+            FnKind::Branch => "branch",
             FnKind::Plan => "plan",
             FnKind::TopLevel => "file",
             FnKind::Inserted => "code",

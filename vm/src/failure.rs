@@ -206,6 +206,14 @@ builtin_types! {
     TreeTooLarge = "tree-too-large" < "resource-failure" ["limit"];
     /// The program printed more than the limit.
     OutputTooLarge = "output-too-large" < "resource-failure" ["limit"];
+    /// No alternative succeeded.
+    CompositeFailure = "composite-failure" < "plan-failure" ["failures"];
+    /// A time was over before its task had ended.
+    Timeout = "timeout" < "plan-failure" [];
+    /// The check of a policy became true while what it watches went on.
+    PolicyViolated = "policy-violated" < "plan-failure" ["policy"];
+    /// All tasks wait, and nothing can wake one.
+    Deadlock = "deadlock" < "plan-failure" ["waits"];
     /// A clean-up ran longer than it may.
     CleanUpTimeout = "clean-up-timeout" < "plan-failure" [];
     /// A test's expectation that did not hold.

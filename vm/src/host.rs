@@ -56,6 +56,15 @@ pub trait Host {
     /// The diagnostics, as text.
     fn compile(&mut self, program: &mut Program, code: CodeRequest<'_>) -> Result<FnId, String>;
 
+    /// So much time of the task clock is about to pass while all tasks wait, in nanoseconds. Against the
+    /// clock on the wall this takes that long. False if the run is to stop before.
+    fn pass(&mut self, _ns: u64) -> bool {
+        true
+    }
+
+    /// Told of a mistake of the program that nothing else will show.
+    fn complain(&mut self, _line: &str) {}
+
     /// Told when a record starts or ends, for `--trace`.
     fn trace(&mut self, _line: &str) {}
 }

@@ -12,6 +12,7 @@
 pub mod arith;
 pub mod desc;
 pub mod failure;
+pub mod fluent;
 pub mod geometry;
 pub mod pages;
 pub mod print;

@@ -66,6 +66,10 @@ pub enum Next {
         /// Its arguments.
         args: Vec<Value>,
     },
+    /// Wait so many nanoseconds of the task clock; the value is nil.
+    Sleep(u64),
+    /// Something with fluents and tasks.
+    Task(crate::machine::TaskOp),
     /// Ask the outside, between two rounds; the call has the answer as its value.
     Ask(crate::host::Request),
     /// Run a plan as a root of its own; the call has the tree as its value.

@@ -246,6 +246,10 @@ ops! {
     /// The body before the edit that this code belongs to: run it, its value goes to d; site s.
     Original(d: u8, s: SiteId);
 
+    /// Begin a parallel form: its kind is in w, what else it needs in w+1, its n branches are the
+    /// functions after that, with sites from s; the value goes to d.
+    Fork(d: u8, w: u8, n: Count, s: SiteId);
+
     /// Raise a failure: type k, n fields as keyword and value from register a.
     Fail(a: u8, n: Count, k: Kind);
     /// Raise the failure in register a, which a handler lets pass.
@@ -281,6 +285,7 @@ impl Op {
                 | Op::TailCallValue(..)
                 | Op::Perform(..)
                 | Op::Retry(..)
+                | Op::Fork(..)
         )
     }
 }

@@ -26,6 +26,10 @@ pub const PAGES: &[(&str, &str)] = &[
     ("failure::memory-exhausted", include_str!("../errors/failure-memory-exhausted.md")),
     ("failure::tree-too-large", include_str!("../errors/failure-tree-too-large.md")),
     ("failure::output-too-large", include_str!("../errors/failure-output-too-large.md")),
+    ("failure::composite-failure", include_str!("../errors/failure-composite-failure.md")),
+    ("failure::timeout", include_str!("../errors/failure-timeout.md")),
+    ("failure::policy-violated", include_str!("../errors/failure-policy-violated.md")),
+    ("failure::deadlock", include_str!("../errors/failure-deadlock.md")),
     ("failure::clean-up-timeout", include_str!("../errors/failure-clean-up-timeout.md")),
     ("failure::expectation-failed", include_str!("../errors/failure-expectation-failed.md")),
 ];

@@ -273,6 +273,8 @@ impl<'a> Printer<'a> {
             }
             Obj::Counter(left) => self.put(&format!("#<counter {}>", left.get())),
             Obj::Ranks(_) => self.put("#<ranks>"),
+            Obj::Fluent(fluent) => self.put(&format!("#<fluent {}>", fluent.id)),
+            Obj::Task(task) => self.put(&format!("#<task {}>", task.task)),
             Obj::Path(path) => self.path(path),
             Obj::Edit(edit) => self.edit(edit, depth),
             Obj::Tree(tree) => self.put(&format!("#<tree {}>", tree.summary())),

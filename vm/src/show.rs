@@ -120,6 +120,48 @@ fn line(program: &Program, tree: &Tree, slot: SlotId, rec: RecId) -> String {
     safe(&line)
 }
 
+/// Characters that a timeline gives to the whole run.
+const TIMELINE: u64 = 40;
+
+/// Which task ran when, a line per node in the order of their starts: a bar on the task clock up to
+/// `now`, start and end in seconds, path, outcome.
+#[must_use]
+pub fn timeline(program: &Program, tree: &Tree, now: u64, most: usize) -> String {
+    let mut rows: Vec<(u64, usize, usize, SlotId, RecId)> = Vec::new();
+    let mut todo = vec![(ROOT, 0)];
+    while let Some((slot, depth)) = todo.pop() {
+        let Some(rec) = tree.shown(slot) else { continue };
+        rows.push((tree.record(rec).start, rows.len(), depth, slot, rec));
+        todo.extend(tree.children(slot).into_iter().rev().map(|child| (child, depth + 1)));
+    }
+    rows.sort();
+    let whole = now.max(1);
+    let column = |ns: u64| (u128::from(ns) * u128::from(TIMELINE) / u128::from(whole)) as usize;
+    let mut out = String::new();
+    for (start, _, depth, slot, rec) in rows.iter().take(most) {
+        let record = tree.record(*rec);
+        let end = if record.status.is_final() { record.end } else { now };
+        let (from, to) = (column(*start), column(end));
+        let bar = if to > from { "━".repeat(to - from) } else { "·".to_string() };
+        let bar = format!("{}{bar}", " ".repeat(from));
+        let name = tree.slot(*slot).name;
+        let words = outcome(program, tree, *rec);
+        let line = format!(
+            "{:>9} {:>9}  {bar:<width$}  {:indent$}{name}  {words}",
+            seconds(*start),
+            seconds(end),
+            "",
+            width = TIMELINE as usize + 1,
+            indent = 2 * depth.min(&20),
+        );
+        out += &format!("{}\n", safe(line.trim_end()));
+    }
+    if rows.len() > most {
+        out += &format!("… and more: {} nodes in all\n", rows.len());
+    }
+    out
+}
+
 /// The tree as text, a line per node, at most `most` nodes.
 #[must_use]
 pub fn text(program: &Program, tree: &Tree, most: usize) -> String {

@@ -124,9 +124,32 @@ pub enum Why {
     Superseded,
     /// The code before it failed.
     Before,
+    /// Another branch of its form failed.
+    Failed,
+    /// Another branch of its form decided it.
+    Won,
+    /// Its time was over.
+    Timeout,
+    /// What it is part of ended.
+    Parent,
+    /// A task asked for it.
+    Asked,
 }
 
 impl Why {
+    /// All of them.
+    pub const ALL: &[Why] = &[
+        Why::Nothing,
+        Why::Goal,
+        Why::Edit,
+        Why::Superseded,
+        Why::Before,
+        Why::Failed,
+        Why::Won,
+        Why::Timeout,
+        Why::Parent,
+        Why::Asked,
+    ];
     /// The word for it; empty where there is nothing to say.
     #[must_use]
     pub fn word(self) -> &'static str {
@@ -136,6 +159,11 @@ impl Why {
             Why::Edit => "edit",
             Why::Superseded => "superseded",
             Why::Before => "before",
+            Why::Failed => "failed",
+            Why::Won => "won",
+            Why::Timeout => "timeout",
+            Why::Parent => "parent",
+            Why::Asked => "asked",
         }
     }
 }
@@ -150,6 +178,8 @@ pub enum NodeKind {
     Plan,
     /// A performed description.
     Action,
+    /// A branch of a parallel form.
+    Branch,
 }
 
 impl NodeKind {
@@ -160,6 +190,7 @@ impl NodeKind {
             NodeKind::TopLevel => "top-level",
             NodeKind::Plan => "plan",
             NodeKind::Action => "action",
+            NodeKind::Branch => "branch",
         }
     }
 }
@@ -181,7 +212,7 @@ pub struct Record {
     args: u8,
     /// What became of it.
     pub status: Status,
-    /// [`RETRIED`], [`DRIVEN`], [`MOVED`], [`COUNTED`].
+    /// [`RETRIED`], [`DRIVEN`], [`MOVED`], [`COUNTED`], [`ATTEMPTED`].
     pub flags: u8,
     /// What kind of node it makes.
     pub kind: NodeKind,
@@ -209,6 +240,9 @@ pub const MOVED: u8 = 4;
 
 /// Its calls are counted, whatever the site says: code may run its body more than once.
 pub const COUNTED: u8 = 8;
+
+/// Its body has been begun: what runs it again is another attempt.
+pub const ATTEMPTED: u8 = 16;
 
 /// What few records have.
 #[derive(Debug, Clone, Default)]
@@ -578,6 +612,9 @@ impl Tree {
     pub fn record(&self, rec: RecId) -> &Record {
         self.records.get(rec.0)
     }
+    /// Its body has been begun: what runs it again is another attempt.
+    pub const ATTEMPTED: u8 = 16;
+
     /// What few records have.
     #[must_use]
     pub fn extra(&self, rec: RecId) -> Option<&Extra> {

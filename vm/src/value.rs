@@ -19,6 +19,7 @@ use crate::code::{FnId, NativeId};
 use crate::desc::Desc;
 use crate::edit::Edit;
 use crate::failure::Failure;
+use crate::fluent::Fluent;
 use crate::geometry::{Pose, Vec3};
 use crate::key::Ranks;
 use crate::path::Path;
@@ -84,6 +85,15 @@ pub enum Imm {
     Native(NativeId),
 }
 
+/// A task, for programs: it says which, and nothing else.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Handle {
+    /// The run, by its number.
+    pub run: u64,
+    /// The task, by its number in the run.
+    pub task: u32,
+}
+
 /// Values with a heap part.
 pub enum Obj {
     /// A cell of a list: first element and rest.
@@ -114,6 +124,10 @@ pub enum Obj {
     Edit(Box<Edit>),
     /// A task tree.
     Tree(Rc<Tree>),
+    /// A cell that tasks can wait for.
+    Fluent(Box<Fluent>),
+    /// A task that runs.
+    Task(Handle),
     /// Left behind when an object has been taken apart.
     Gone,
 }
@@ -215,6 +229,14 @@ impl Value {
     #[inline(always)]
     pub fn obj(&self) -> Option<&Obj> {
         if let Value::Obj(obj) = self { Some(obj) } else { None }
+    }
+    /// True for a true value, and for a fluent that holds one.
+    #[must_use]
+    pub fn holds(&self) -> bool {
+        match self.obj() {
+            Some(Obj::Fluent(fluent)) => fluent.value().is_true(),
+            _ => self.is_true(),
+        }
     }
     /// False for `nil` and `false` only.
     #[inline(always)]
@@ -334,6 +356,8 @@ impl Value {
                 Obj::Pose(_) => "pose",
                 Obj::Vec3(_) => "vec3",
                 Obj::Counter(_) => "counter",
+                Obj::Fluent(_) => "fluent",
+                Obj::Task(_) => "task",
                 Obj::Ranks(_) => "ranks",
                 Obj::Path(_) => "path",
                 Obj::Edit(_) => "edit",
@@ -447,6 +471,8 @@ fn compare_shallow(a: &Value, b: &Value, todo: &mut Vec<(Value, Value)>) -> Orde
         (Obj::Vec3(a), Obj::Vec3(b)) => a.total_cmp(b),
         (Obj::Counter(a), Obj::Counter(b)) => a.get().cmp(&b.get()),
         (Obj::Path(a), Obj::Path(b)) => a.cmp(b),
+        (Obj::Fluent(a), Obj::Fluent(b)) => a.id.cmp(&b.id),
+        (Obj::Task(a), Obj::Task(b)) => a.cmp(b),
         // Their texts make equal edits.
         (Obj::Edit(_), Obj::Edit(_)) => crate::print::write(one).cmp(&crate::print::write(other)),
         (Obj::Tree(a), Obj::Tree(b)) => a.fingerprint().cmp(&b.fingerprint()),
@@ -520,15 +546,18 @@ impl Obj {
             Obj::Path(_) => 10,
             Obj::Edit(_) => 11,
             Obj::Tree(_) => 12,
-            Obj::Ranks(_) => 13,
-            Obj::Gone => 14,
+            Obj::Fluent(_) => 13,
+            Obj::Task(_) => 14,
+            Obj::Ranks(_) => 15,
+            Obj::Gone => 16,
         }
     }
     /// What the object is charged against the memory limit; the same when it goes as when it came.
     fn bytes(&self) -> usize {
         const CELL: usize = size_of::<Obj>() + 2 * size_of::<usize>();
         CELL + match self {
-            Obj::Pair(..) | Obj::Counter(_) | Obj::Ranks(_) | Obj::Gone | Obj::Tree(_) => 0,
+            Obj::Pair(..) | Obj::Counter(_) | Obj::Ranks(_) | Obj::Gone | Obj::Tree(_) | Obj::Task(_) => 0,
+            Obj::Fluent(_) => size_of::<Fluent>(),
             Obj::Str(text) => text.len(),
             Obj::Vector(items) => 2 * CELL + items.bytes,
             Obj::Map(map) => 2 * CELL + (map.len() * ENTRY).min(MOST_OWN),
@@ -639,7 +668,8 @@ impl Drop for Obj {
                 }
             }
             Obj::Str(_) | Obj::Pose(_) | Obj::Vec3(_) | Obj::Counter(_) | Obj::Ranks(_) => {}
-            Obj::Path(_) | Obj::Tree(_) | Obj::Gone => {}
+            Obj::Path(_) | Obj::Tree(_) | Obj::Task(_) | Obj::Gone => {}
+            Obj::Fluent(fluent) => drop_nested(Garbage::Values(fluent.take_values())),
             Obj::Vector(items) => drop_nested(Garbage::Vector(take(&mut items.vector))),
             Obj::Map(map) => drop_nested(Garbage::Map(take(&mut **map))),
             Obj::Desc(desc) => drop_nested(Garbage::Values(desc.take_values())),

@@ -1,6 +1,7 @@
 //! Calls: arguments into a window, and natives that are instructions.
 
 use vm::code::{FnId, FnKind, SiteId};
+use vm::machine::ForkKind;
 use vm::op::{Count, Op};
 use vm::value::{Imm, Symbol, Value};
 
@@ -49,7 +50,7 @@ impl Lower<'_> {
         args: usize,
         value_used: Use,
     ) -> SiteId {
-        let in_node = matches!(self.kind, FnKind::Plan | FnKind::TopLevel);
+        let in_node = matches!(self.kind, FnKind::Plan | FnKind::Branch | FnKind::TopLevel);
         self.sites.push(vm::code::Site {
             owner: self.id,
             pc: vm::code::Pc(self.code.len() as u32),
@@ -172,6 +173,30 @@ impl Lower<'_> {
     pub(super) fn is_boolean(&self, expr: &Expr) -> bool {
         let ExprKind::Call(callee, _) = &expr.kind else { return false };
         self.native_name(callee).is_some_and(|name| BOOLEAN.contains(&name))
+    }
+
+    /// Kind, what else it needs, and a function for each branch, in a row of registers.
+    pub(super) fn fork(
+        &mut self,
+        kind: ForkKind,
+        extra: &Expr,
+        branches: &[(Symbol, Function)],
+        dst: u8,
+        used: Use,
+    ) {
+        let registers: Vec<u8> = (0..branches.len() + 2).map(|_| self.register()).collect();
+        self.emit(Op::Int(registers[0], kind as i32));
+        self.part(extra, registers[1]);
+        for ((_, function), register) in branches.iter().zip(&registers[2..]) {
+            self.scratch(|it| it.lambda(function, *register));
+        }
+        // Nobody waits for a branch by its value: the form's value is a list, or that of one of them.
+        let used = if used == Use::Value { Use::Value } else { Use::Last };
+        let first = SiteId(self.sites.len() as u32);
+        for (name, _) in branches {
+            self.site(None, *name, 0, used);
+        }
+        self.emit(Op::Fork(dst, registers[0], Count(branches.len() as u8), first));
     }
 
     pub(super) fn perform(&mut self, desc: &Expr, goal: Option<&Function>, dst: u8, used: Use) {

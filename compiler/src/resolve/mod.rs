@@ -7,6 +7,7 @@ mod desc;
 mod params;
 mod quasi;
 pub(crate) mod special;
+mod tasks;
 
 use std::rc::Rc;
 
@@ -189,12 +190,12 @@ impl Compiler<'_> {
             _ => {}
         }
         if let Some(var) = scope.variable(name, span) {
-            return Expr::new(ExprKind::Var(var), span);
+            return self.read(Expr::new(ExprKind::Var(var), span));
         }
         match self.meaning(scope, name, span) {
             Some(Meaning::Const(global)) => {
                 self.mention_constant(global);
-                Expr::new(ExprKind::Global(global), span)
+                self.read(Expr::new(ExprKind::Global(global), span))
             }
             Some(Meaning::Function(f, _) | Meaning::Plan(f, _) | Meaning::Open(f, _)) => {
                 self.mention(f);
@@ -559,9 +560,22 @@ impl Compiler<'_> {
         body: &[Form],
         span: Span,
     ) -> Function {
+        self.inner_function(scope, FnKind::Lambda, params, body, span)
+    }
+
+    /// A function inside of another one: a lambda, or a branch.
+    fn inner_function(
+        &mut self,
+        scope: &mut Scope,
+        kind: FnKind,
+        params: &ParamForms,
+        body: &[Form],
+        span: Span,
+    ) -> Function {
         let placeholder = Scope::new(scope.module, scope.kind);
         let outer = std::mem::replace(scope, placeholder);
-        let mut inner = Scope::new(outer.module, FnKind::Lambda);
+        let mut inner =
+            Scope::new(outer.module, kind).with_original(kind == FnKind::Branch && outer.original);
         inner.outer = Some(Box::new(outer));
         let (inputs, destructured) = self.bind_params(&mut inner, params);
         let mut body = self.body(&mut inner, body);

@@ -2,6 +2,7 @@
 
 use grammar::{Form, FormKind, Span};
 use vm::desc::Match;
+use vm::machine::ForkKind;
 use vm::path::{Path, PathStep};
 use vm::value::{Obj, Symbol, Value};
 
@@ -61,6 +62,15 @@ specials! {
     "unwind-protect" "(unwind-protect body clean-up…)" => protect;
     "with-retry-counters" "(with-retry-counters ((name count) …) body…)" => counters;
     "do-retry" "(do-retry counter body…)" => do_retry;
+    "par" "(par form …)" => |it, scope, form, args| it.parallel(scope, ForkKind::Par, form, args);
+    "par-loop" "(par-loop (name list) body…)" => |it, scope, form, args| it.parallel_loop(scope, ForkKind::ParLoop, form, args);
+    "pursue" "(pursue form …)" => |it, scope, form, args| it.parallel(scope, ForkKind::Pursue, form, args);
+    "try-all" "(try-all form …)" => |it, scope, form, args| it.parallel(scope, ForkKind::TryAll, form, args);
+    "try-in-order" "(try-in-order form …)" => |it, scope, form, args| it.parallel(scope, ForkKind::TryInOrder, form, args);
+    "try-each" "(try-each (name list) body…)" => |it, scope, form, args| it.parallel_loop(scope, ForkKind::TryEach, form, args);
+    "partial-order" "(partial-order ((:tag name form) …) (:order name name) …)" => |it, scope, form, args| it.partial_order(scope, form, args);
+    "with-timeout" "(with-timeout seconds body…)" => |it, scope, form, args| it.with_timeout(scope, form, args);
+    "fl" "(fl expression)" => |it, scope, form, args| it.derived_fluent(scope, form, args);
     "path" "(path name (name :call n) …)" => path;
     "original" "(original)" => original;
     "expect" "(expect expression)" => expect;
@@ -84,7 +94,7 @@ impl Compiler<'_> {
         self.shape_at(form, problem, shape, form.span)
     }
 
-    fn shape_at(&mut self, form: &Form, problem: &str, shape: &str, at: Span) -> Expr {
+    pub(super) fn shape_at(&mut self, form: &Form, problem: &str, shape: &str, at: Span) -> Expr {
         let name = form.head().map_or_else(String::new, |head| head.to_string());
         let (problem, shape) = (problem.into(), shape.into());
         self.error(CompileError::Shape { form: name, problem, shape, at });
@@ -92,7 +102,7 @@ impl Compiler<'_> {
     }
 
     /// The error of a special form, with its shape from the table.
-    fn misshapen(&mut self, form: &Form, problem: &str) -> Expr {
+    pub(super) fn misshapen(&mut self, form: &Form, problem: &str) -> Expr {
         let name = form.head().unwrap_or_default();
         let shape = SHAPES.iter().find(|(known, _)| name == *known).map_or("", |(_, shape)| shape);
         self.shape(form, problem, shape)

@@ -54,6 +54,7 @@ impl Machine {
                     Err(raise) => raise,
                 },
                 hot::Out::Slow(op) => match self.slow(host, op, left) {
+                    Ok(None) if self.broke.is_some() => return Exit::Began,
                     Ok(None) => continue,
                     Ok(Some(exit)) => return exit,
                     Err(raise) => raise,
@@ -151,6 +152,7 @@ impl Machine {
                 self.perform(host, d, s, desc, (!goal.is_nil()).then_some(goal))
             }
             Op::Original(d, _) => self.original(host, d),
+            Op::Fork(d, w, n, s) => self.fork(host, d, w, n, s),
             Op::ReturnPlan(a) => self.return_plan(host, a),
             Op::Fail(a, n, k) => Err(self.make_failure(TypeId(k.0.into()), a, n.0)?),
             Op::MakeFailure(d, a, n, k) => {
@@ -183,7 +185,11 @@ impl Machine {
             Op::EndCleanUp(a) => {
                 self.top().cleanups.pop();
                 let waiting = self.reg(a).clone();
-                Ok(if waiting.as_failure().is_some() { self.throw(host, waiting) } else { None })
+                if waiting.as_failure().is_some() {
+                    return Ok(self.throw(host, waiting));
+                }
+                // Who was to be stopped meanwhile could not be.
+                Ok(self.evaporate_if_asked(host))
             }
             Op::Resume => {
                 let value = std::mem::take(self.top().register(0));
@@ -239,21 +245,7 @@ impl Machine {
     }
 
     fn iter_start(&mut self, d: u8, s: u8) -> Slow {
-        let value = self.reg(s);
-        let list = match value.obj() {
-            Some(Obj::Pair(..)) => value.clone(),
-            None if value.is_nil() => Value::NIL,
-            Some(Obj::Vector(items)) => Value::list(items.iter().cloned().collect::<Vec<_>>()),
-            Some(Obj::Map(map)) => {
-                let pairs: Vec<Value> =
-                    map.iter().map(|(k, v)| Value::list([k.clone(), v.clone()])).collect();
-                Value::list(pairs)
-            }
-            Some(Obj::Str(text)) => {
-                Value::list(text.chars().map(|c| Value::str(c.to_string())).collect::<Vec<_>>())
-            }
-            _ => return Err(type_error("something to walk over: a list, vector, map or string", value)),
-        };
+        let list = walkable(self.reg(s))?;
         *self.top().register(d.wrapping_add(1)) = list.clone();
         self.put(d.wrapping_add(2), list)
     }
@@ -299,7 +291,7 @@ impl Machine {
     }
 
     /// The first register that the running frame does not use, as a position of the stack.
-    fn window_above(&self) -> u32 {
+    pub(super) fn window_above(&self) -> u32 {
         let run = &self.runs[self.runs.len() - 1];
         let used = match run.pc {
             RESUME => 1,
@@ -342,7 +334,7 @@ impl Machine {
         let args = self.registers(w.wrapping_add(1), n.0).to_vec();
         // The frame goes; what is called returns to the caller of it. The outermost has none.
         let run = self.top();
-        let owes = run.obligations.iter().any(|it| it.depth == run.frames.len());
+        let owes = run.obligations.iter().any(|it| it.holder == (run.tasks.loaded, run.frames.len()));
         let frame = run.frames.last().copied().filter(|_| !owes);
         let Some(frame) = frame else { return self.call_value(host, w, s, &callee, args) };
         let place = run.pc;
@@ -434,6 +426,8 @@ impl Machine {
                 let register = run.base as usize + d as usize;
                 Ok(Some(Exit::Ask(request, register)))
             }
+            Next::Sleep(ns) => self.sleep(d, ns),
+            Next::Task(op) => self.task_op(host, d, op),
             Next::RunPlan { plan, args, tree } => self.run_plan(host, d, &plan, args, tree),
             Next::EditTree { tree, edits } => {
                 let tree = self.edit_tree(host, &tree, &edits)?;
@@ -475,6 +469,7 @@ impl Machine {
         let parent = run.record(run.here);
         if run.tree.edits_of(slot).is_empty() {
             let rec = run.tree.enter(parent, slot, NodeKind::Plan, &args, run.now);
+            run.note_late(rec);
             self.trace_start(host, rec);
             self.enter(d, callee, args, &[]);
             self.top().here = Here(rec.0);
@@ -485,6 +480,11 @@ impl Machine {
 
     /// The slot of a call at `site` from the running frame, made if it is new.
     pub(super) fn slot_of_call(&mut self, site: SiteId, name: Symbol) -> crate::tree::SlotId {
+        self.slot_of(site, name, None)
+    }
+
+    /// The same for one of several branches that begin at `site`, one for each round.
+    pub(super) fn slot_of(&mut self, site: SiteId, name: Symbol, round: Option<Step>) -> crate::tree::SlotId {
         let mut calls = std::mem::take(&mut self.top().levels);
         calls.clear();
         let levels = self.levels(calls);
@@ -511,6 +511,9 @@ impl Machine {
             }
         }
         run.levels = levels.calls;
+        if let Some(round) = round {
+            chain = run.tree.keys.then(chain, round, site_hash);
+        }
         if dynamic {
             chain = run.tree.keys.then(chain, Step::Name(name), site_hash);
         }
@@ -540,7 +543,7 @@ impl Machine {
                 let Some(function) = self.program.function_at(at) else { break };
                 calls.push((self.program.site_at(function, at), base));
                 match self.program.functions[function.at()].kind {
-                    FnKind::Plan | FnKind::TopLevel => break,
+                    FnKind::Plan | FnKind::Branch | FnKind::TopLevel => break,
                     FnKind::Inserted => {
                         start = run.inserted(function);
                         break;
@@ -588,16 +591,27 @@ impl Machine {
         let now = run.now;
         run.tree.end(rec, status, value, now);
         run.occurrences.remove(&rec);
-        if run.traced {
+        if self.tells && self.runs.len() == 1 {
             let run = &self.runs[self.runs.len() - 1];
             host.trace(&crate::show::trace_end(&self.program, &run.tree, rec));
         }
     }
 
-    pub(super) fn trace_start(&self, host: &mut dyn Host, rec: RecId) {
+    /// A record has been made: those hear of it who look at starts.
+    pub(super) fn trace_start(&mut self, host: &mut dyn Host, rec: RecId) {
         let run = &self.runs[self.runs.len() - 1];
-        if run.traced {
+        if self.tells && self.runs.len() == 1 {
             host.trace(&crate::show::trace_start(&self.program, &run.tree, rec));
+        }
+        if !self.breaks.is_empty() {
+            let slot = run.tree.record(rec).slot;
+            let names = |most: usize| {
+                let up = std::iter::successors(Some(slot), |at| Some(run.tree.slot(*at).parent));
+                up.take(most).map(|at| run.tree.slot(at).name).collect::<Vec<_>>()
+            };
+            if self.breaks.iter().any(|path| names(path.len()).iter().eq(path.iter().rev())) {
+                self.broke = Some(slot);
+            }
         }
     }
 
@@ -616,6 +630,23 @@ impl Machine {
         run.pc = to.0;
         Ok(None)
     }
+}
+
+/// The list that a loop over a value walks.
+pub(super) fn walkable(value: &Value) -> Result<Value, Raise> {
+    Ok(match value.obj() {
+        Some(Obj::Pair(..)) => value.clone(),
+        None if value.is_nil() => Value::NIL,
+        Some(Obj::Vector(items)) => Value::list(items.iter().cloned().collect::<Vec<_>>()),
+        Some(Obj::Map(map)) => {
+            let pairs: Vec<Value> = map.iter().map(|(k, v)| Value::list([k.clone(), v.clone()])).collect();
+            Value::list(pairs)
+        }
+        Some(Obj::Str(text)) => {
+            Value::list(text.chars().map(|c| Value::str(c.to_string())).collect::<Vec<_>>())
+        }
+        _ => return Err(type_error("something to walk over: a list, vector, map or string", value)),
+    })
 }
 
 /// Function frames deeper than this get a memo of the way to them, so that calls from deep

@@ -18,14 +18,31 @@ pub(super) struct CleanUp {
     depth: usize,
     /// When its time is over; never, once that has been said.
     deadline: u64,
+    /// It is not clean-up forms but what is owed by a form that a failure leaves.
+    owed: bool,
 }
 
 impl CleanUp {
-    /// A clean-up that begins `now`, inside of another one or not.
-    pub(super) fn begin(depth: usize, now: u64, outer: Option<&CleanUp>) -> CleanUp {
-        let most = outer.map_or(u64::MAX, |outer| outer.deadline);
-        CleanUp { depth, deadline: now.saturating_add(TIME_NS).min(most) }
+    /// A clean-up that begins `now`, inside of another one or not, in a task that has time until `limit`.
+    pub(super) fn begin(depth: usize, now: u64, outer: Option<&CleanUp>, limit: u64) -> CleanUp {
+        let most = outer.map_or(limit, |outer| outer.deadline);
+        CleanUp { depth, deadline: now.saturating_add(TIME_NS).min(most), owed: false }
     }
+
+    /// The same for what is owed, which ends when that says so.
+    pub(super) fn owed(self) -> CleanUp {
+        CleanUp { owed: true, ..self }
+    }
+
+    pub(super) fn deadline(&self) -> u64 {
+        self.deadline
+    }
+}
+
+/// The failure of a clean-up whose time is over.
+pub(super) fn too_long() -> Raise {
+    let message = "the clean-up forms have not ended after 60 s of the task clock";
+    Box::new(Failure::new(Builtin::CleanUpTimeout, message))
 }
 
 impl Machine {
@@ -44,14 +61,16 @@ impl Machine {
         match run.cleanups.last_mut().filter(|last| last.deadline <= now) {
             Some(last) => {
                 last.deadline = u64::MAX;
-                let message = "the clean-up forms have not ended after 60 s of the task clock";
-                Err(Box::new(Failure::new(Builtin::CleanUpTimeout, message)))
+                Err(too_long())
             }
             None => Ok(()),
         }
     }
 
     fn is_running(&self, cleanup: &CleanUp) -> bool {
+        if cleanup.owed {
+            return true;
+        }
         let run = &self.runs[self.runs.len() - 1];
         let pc = if cleanup.depth == run.frames.len() { Some(run.pc) } else { run.pc_of(cleanup.depth) };
         let Some(at) = pc.and_then(|pc| pc.checked_sub(1)).map(Pc) else { return false };

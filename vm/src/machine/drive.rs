@@ -18,10 +18,11 @@ use crate::failure::{Builtin, Failure};
 use crate::host::Host;
 use crate::native::{Raise, type_error};
 use crate::path::Path;
-use crate::tree::{COUNTED, DRIVEN, MOVED, NodeKind, RecId, SlotId, Status, Tree, Why};
+use crate::tree::{ATTEMPTED, COUNTED, DRIVEN, MOVED, NodeKind, RecId, SlotId, Status, Tree, Why};
 use crate::value::{Imm, Obj, Symbol, Value};
 
 use super::call::Slow;
+use super::fork::Fork;
 use super::obligation::Discharge;
 use super::{Exit, Frame, Here, Machine, RESUME, Run};
 
@@ -53,6 +54,8 @@ pub(super) enum Body {
     Plan(FnId),
     /// What the description, its only argument, is grounded to.
     Action,
+    /// A branch of a parallel form: its function, with arguments and what that captured.
+    Branch(FnId),
 }
 
 /// What a call waits for.
@@ -77,6 +80,45 @@ pub(super) enum Driver {
     Body(Layer),
     /// Something that was owed.
     Discharge(Box<Discharge>),
+    /// A parallel form.
+    Fork(Box<Fork>),
+    /// `(original)` in a branch of inserted code: the call that this belongs to, of a task above.
+    Origin(Box<Call>),
+}
+
+/// What `(original)` is in inserted code, for the branches that this begins.
+#[derive(Clone)]
+pub(super) struct Origin {
+    call: Box<Call>,
+    code: InsertedCode,
+}
+
+/// Code of an edit that runs.
+#[derive(Clone, Copy)]
+enum InsertedCode {
+    /// That of the `n`-th wrap.
+    Wrap(usize),
+    /// That of the `n`-th replace, as the body of a record.
+    Replace(usize, RecId),
+}
+
+impl Run {
+    /// What `(original)` is in the running code.
+    pub(super) fn origin(&self) -> Option<Origin> {
+        let code = match self.drivers.last() {
+            Some(Driver::Wrap(n)) => InsertedCode::Wrap(*n),
+            Some(Driver::Body(Layer { number, rec, .. })) if *number > 0 => {
+                InsertedCode::Replace(*number, *rec)
+            }
+            None => return self.tasks.get(self.tasks.loaded).origin.as_deref().cloned(),
+            _ => return None,
+        };
+        let call = self.drivers.iter().rev().find_map(|driver| match driver {
+            Driver::Call(call) | Driver::Origin(call) => Some(call.clone()),
+            _ => None,
+        });
+        Some(Origin { call: call?, code })
+    }
 }
 
 /// One layer of the body of a record.
@@ -112,6 +154,10 @@ impl Call {
             value: Value::NIL,
             stage: Stage::GoalBefore,
         }
+    }
+
+    pub(super) fn of_branch(slot: SlotId, parent: RecId, function: FnId, values: Vec<Value>) -> Call {
+        Call { body: Body::Branch(function), ..Call::of_plan(slot, parent, function, values) }
     }
 
     /// The same call from its start, as record `rec`.
@@ -169,7 +215,9 @@ impl Machine {
         let below = self.top();
         below.raised.name(&below.tree);
         let deliver = below.base as usize + d as usize;
-        let mut run = Run::new(start, false);
+        self.inner_runs += 1;
+        let mut run = Run::new(start, !self.breaks.is_empty());
+        run.number = self.inner_runs;
         run.deliver = deliver;
         // The plan returns to a frame without instructions: its value ends the run.
         run.pc = RESUME;
@@ -185,14 +233,9 @@ impl Machine {
 
     /// Starts a call that may take several steps: makes its record, applies its edits.
     pub(super) fn drive(&mut self, host: &mut dyn Host, d: u8, mut call: Call) -> Slow {
-        let kind = match call.body {
-            Body::Plan(_) => NodeKind::Plan,
-            Body::Action => NodeKind::Action,
-        };
-        let run = self.top();
-        call.rec = run.tree.enter(call.parent, call.slot, kind, &call.args, run.now);
-        run.tree.record_mut(call.rec).flags |= DRIVEN;
-        self.trace_start(host, call.rec);
+        if call.rec == RecId(0) {
+            call.rec = self.record_of_call(host, &call);
+        }
         let run = self.top();
         run.frames.push(Frame { pc: run.pc, base: run.base, here: run.here, dst: d });
         // The driver's frame: register 0 takes what it called returns.
@@ -221,13 +264,31 @@ impl Machine {
         self.begin(host, call)
     }
 
+    /// The record of a call that is made.
+    pub(super) fn record_of_call(&mut self, host: &mut dyn Host, call: &Call) -> RecId {
+        let (kind, shown) = match call.body {
+            Body::Plan(_) => (NodeKind::Plan, &call.args[..]),
+            Body::Action => (NodeKind::Action, &call.args[..]),
+            // What it captured is nobody's business.
+            Body::Branch(_) => (NodeKind::Branch, &[][..]),
+        };
+        let run = self.top();
+        let rec = run.tree.enter(call.parent, call.slot, kind, shown, run.now);
+        run.tree.record_mut(rec).flags |= DRIVEN;
+        run.note_late(rec);
+        self.trace_start(host, rec);
+        rec
+    }
+
     /// Performs a call that has a record, in a driver's frame of its own.
     pub(super) fn perform_again(&mut self, host: &mut dyn Host, call: Call) -> Slow {
         let above = self.driver_base();
         let run = self.top();
         run.frames.push(Frame { pc: RESUME, base: run.base, here: run.here, dst: 0 });
-        // Its goal is a question of the task that made the call.
+        // Its goal is a question of the task that made the call; so is what edits put beside it, whose calls
+        // are looked at one by one.
         (run.base, run.here) = (above, Here(call.parent.0));
+        run.tree.record_mut(call.parent).flags |= COUNTED;
         self.begin(host, Box::new(call))
     }
 
@@ -311,7 +372,7 @@ impl Machine {
         let word = accepted.edit.word();
         let callee = match call.body {
             Body::Plan(function) => self.program.functions[function.at()].name,
-            Body::Action => self.runs[self.runs.len() - 1].tree.slot(call.slot).name,
+            Body::Action | Body::Branch(_) => self.runs[self.runs.len() - 1].tree.slot(call.slot).name,
         };
         let is_other_plan =
             matches!((call.body, accepted.plan), (Body::Plan(now), Some(then)) if now != then);
@@ -351,6 +412,7 @@ impl Machine {
                 args.get(at).cloned()
             }
             Body::Action => args.first()?.as_desc()?.get(key).cloned(),
+            Body::Branch(_) => None,
         }
     }
 
@@ -370,6 +432,7 @@ impl Machine {
                     *arg = Value::desc(desc.with(key, value.clone()));
                 }
             }
+            Body::Branch(_) => {}
         }
     }
 
@@ -381,16 +444,17 @@ impl Machine {
         self.top().pc = RESUME;
         match self.top().drivers.pop() {
             Some(Driver::Call(call)) => self.call_resumed(host, call, value),
-            Some(Driver::Wrap(_)) => self.return_value(value),
+            Some(Driver::Wrap(_) | Driver::Origin(_)) => self.return_value(value),
             Some(Driver::Body(layer)) => self.body_resumed(host, layer, value),
             Some(Driver::Discharge(discharge)) => self.discharge_resumed(host, discharge, value),
+            Some(Driver::Fork(fork)) => self.fork_resumed(host, fork),
             None => Ok(Some(Exit::Done(value))),
         }
     }
 
     fn call_resumed(&mut self, host: &mut dyn Host, mut call: Box<Call>, value: Value) -> Slow {
         call.stage = match call.stage {
-            Stage::GoalBefore if value.is_true() => {
+            Stage::GoalBefore if value.holds() => {
                 self.skip(host, call.rec, Why::Goal, Value::NIL);
                 Stage::After(0)
             }
@@ -430,7 +494,7 @@ impl Machine {
                 }
                 self.return_value(value)
             }
-            (Phase::Goal(result), _) if value.is_true() => {
+            (Phase::Goal(result), _) if value.holds() => {
                 self.end_record(host, rec, Status::Succeeded, result.clone());
                 self.return_value(result)
             }
@@ -450,7 +514,9 @@ impl Machine {
                 return self.run_edit(call, *id);
             }
             call.stage = Stage::Around;
-            if !befores.is_empty() && self.top().tree.record(call.rec).attempt == 1 {
+            // Branches keep their place among each other.
+            let is_branch = matches!(call.body, Body::Branch(_));
+            if !befores.is_empty() && !is_branch && self.top().tree.record(call.rec).attempt == 1 {
                 self.top().tree.begins(call.slot);
             }
             let (wraps, rec) = (self.find_edits(&call, |what| matches!(what, What::Wrap(_))).len(), call.rec);
@@ -503,13 +569,13 @@ impl Machine {
     /// The call that the innermost drivers work for.
     fn calling(&self) -> Option<&Call> {
         self.runs[self.runs.len() - 1].drivers.iter().rev().find_map(|driver| match driver {
-            Driver::Call(call) => Some(&**call),
+            Driver::Call(call) | Driver::Origin(call) => Some(&**call),
             _ => None,
         })
     }
 
     /// Pushes a driver with a frame of its own; it returns to register `d` of the running frame.
-    fn push_driver(&mut self, driver: Driver, d: u8) {
+    pub(super) fn push_driver(&mut self, driver: Driver, d: u8) {
         let above = self.driver_base();
         let run = self.top();
         run.frames.push(Frame { pc: run.pc, base: run.base, here: run.here, dst: d });
@@ -542,7 +608,7 @@ impl Machine {
         self.top().here = Here(rec.0);
         match (number.checked_sub(1), body) {
             (Some(at), _) => self.enter_code(self.code_of(replaces[at]), args),
-            (None, Body::Plan(plan)) => self.enter_code(Some(plan), args),
+            (None, Body::Plan(plan) | Body::Branch(plan)) => self.enter_code(Some(plan), args),
             (None, Body::Action) => match self.program.ground {
                 Some(ground) => self.call_value(host, 0, SiteId(0), &Value::Imm(Imm::Function(ground)), args),
                 None => Err(not_grounded(&args[0])),
@@ -571,20 +637,25 @@ impl Machine {
 
     /// `(original)` in the code of a `wrap` or `replace`.
     pub(super) fn original(&mut self, host: &mut dyn Host, d: u8) -> Slow {
-        match self.top().drivers.last() {
-            Some(Driver::Wrap(n)) if *n > 1 => {
-                let inner = n - 1;
-                self.run_wrap(inner, d)
-            }
-            Some(Driver::Wrap(_)) => {
+        let Some(origin) = self.top().origin() else {
+            return Err(Box::new(Failure::new(Builtin::ProgramError, "there is no original here")));
+        };
+        if self.calling().is_some() {
+            return self.run_original(host, origin.code, d);
+        }
+        // In a branch the call is that of a task above.
+        self.push_driver(Driver::Origin(origin.call), d);
+        self.run_original(host, origin.code, 0)
+    }
+
+    fn run_original(&mut self, host: &mut dyn Host, code: InsertedCode, d: u8) -> Slow {
+        match code {
+            InsertedCode::Wrap(n) if n > 1 => self.run_wrap(n - 1, d),
+            InsertedCode::Wrap(_) => {
                 let rec = self.attempt();
                 self.run_body(host, rec, None, d)
             }
-            Some(Driver::Body(Layer { number, rec, .. })) if *number > 0 => {
-                let (inner, rec) = (number - 1, *rec);
-                self.run_body(host, rec, Some(inner), d)
-            }
-            _ => Err(Box::new(Failure::new(Builtin::ProgramError, "there is no original here"))),
+            InsertedCode::Replace(number, rec) => self.run_body(host, rec, Some(number - 1), d),
         }
     }
 
@@ -593,7 +664,9 @@ impl Machine {
         let Some(call) = self.calling() else { return RecId(0) };
         let (rec, slot, parent, args) = (call.rec, call.slot, call.parent, call.args.clone());
         let run = self.top();
-        if !run.tree.record(rec).status.is_final() {
+        let record = run.tree.record_mut(rec);
+        if !record.status.is_final() && record.flags & ATTEMPTED == 0 {
+            record.flags |= ATTEMPTED;
             return rec;
         }
         let kind = run.tree.record(rec).kind;
@@ -618,14 +691,15 @@ impl Machine {
                     if let Stage::Before(_) = call.stage {
                         self.top().tree.record_mut(call.rec).why = Why::Before;
                     }
-                    self.end_record(host, call.rec, Status::Failed, failure.clone());
+                    self.fail_record(host, call.rec, &failure);
                 }
             }
             Some(Driver::Body(Layer { rec, outermost: true, .. })) => {
-                self.end_record(host, rec, Status::Failed, failure.clone());
+                self.fail_record(host, rec, &failure);
             }
             Some(Driver::Discharge(discharge)) => return self.discharge_failed(host, discharge, failure),
-            Some(Driver::Body(_) | Driver::Wrap(_)) | None => {}
+            Some(Driver::Fork(fork)) => return self.fork_failed(fork, failure),
+            Some(Driver::Body(_) | Driver::Wrap(_) | Driver::Origin(_)) | None => {}
         }
         Err(failure)
     }

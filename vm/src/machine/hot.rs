@@ -50,7 +50,8 @@ pub(super) fn run<const OWES: bool>(
 ) -> Out {
     let mut fuel = *left;
     let (mut pc, mut base, mut here) = (run.pc as usize, run.base as usize, run.here);
-    let Run { stack, frames, tree, occurrences, obligations, handling, cleanups, .. } = run;
+    let Run { stack, frames, tree, occurrences, obligations, handling, cleanups, tasks, .. } = run;
+    let task = tasks.loaded;
     let code: &[Op] = &program.code;
     let out = 'window: loop {
         let Some(w) = stack.get_mut(base..).and_then(|above| above.first_chunk_mut::<256>()) else {
@@ -128,7 +129,7 @@ pub(super) fn run<const OWES: bool>(
         loop {
             let op = code[pc];
             if OWES {
-                let view = RunView { obligations, handling, tree, stack: &w[..], base: 0 };
+                let view = RunView { task, obligations, handling, tree, stack: &w[..], base: 0 };
                 if obligation::due(program, &view, frames.len(), pc as u32, op) {
                     break 'window Out::Due;
                 }
@@ -177,7 +178,12 @@ pub(super) fn run<const OWES: bool>(
                     set!(d, Value::new(Obj::Closure(f, captured)));
                 }
 
-                Op::BeginCleanUp => cleanups.push(CleanUp::begin(frames.len(), run.now, cleanups.last())),
+                Op::BeginCleanUp => cleanups.push(CleanUp::begin(
+                    frames.len(),
+                    run.now,
+                    cleanups.last(),
+                    tasks.get(task).limit,
+                )),
                 Op::Jump(t) => jump!(t),
                 Op::Loop(t) => {
                     burn!();
@@ -318,7 +324,7 @@ pub(super) fn run<const OWES: bool>(
                     continue 'window;
                 }
                 Op::TailCall(window, n, f) => {
-                    if OWES && obligations.iter().any(|it| it.depth == frames.len()) {
+                    if OWES && obligations.iter().any(|it| it.holder == (task, frames.len())) {
                         // The frame must stay until what it owes is done.
                         break 'window Out::Slow(op);
                     }
@@ -329,7 +335,7 @@ pub(super) fn run<const OWES: bool>(
                     pc = program.functions[f.at()].entry.at();
                 }
                 Op::TailCallValue(window, n, _) => {
-                    if OWES && obligations.iter().any(|it| it.depth == frames.len()) {
+                    if OWES && obligations.iter().any(|it| it.holder == (task, frames.len())) {
                         break 'window Out::Slow(op);
                     }
                     let Some((entry, closure)) = plain_callee(program, &at!(window), n.0) else {
@@ -387,6 +393,7 @@ pub(super) fn run<const OWES: bool>(
                 | Op::JumpUnlessKind(..)
                 | Op::Mark(..)
                 | Op::Retry(..)
+                | Op::Fork(..)
                 | Op::EndCleanUp(..)
                 | Op::Resume => break 'window Out::Slow(op),
             }

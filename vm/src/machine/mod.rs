@@ -16,8 +16,11 @@ mod call;
 mod cleanup;
 mod drive;
 mod edits;
+mod fluent;
+mod fork;
 mod hot;
 mod obligation;
+mod task;
 mod unwind;
 
 use std::rc::Rc;
@@ -30,7 +33,7 @@ use crate::failure::{Builtin, Failure, Raised};
 use crate::host::{Host, Request};
 use crate::key::{Chain, Key, Step};
 use crate::limits::{Grants, Limits};
-use crate::log::{Entry, Log};
+use crate::log::Log;
 use crate::native::Raise;
 use crate::op::Op;
 use crate::tree::{RecId, Status, Tree};
@@ -38,6 +41,9 @@ use crate::value::{Value, live};
 
 pub use call::takes;
 use drive::Driver;
+pub use fluent::TaskOp;
+pub use fork::{ForkKind, nanoseconds};
+use task::Tasks;
 
 /// Units of fuel in a round: part of the language, for the clock moves by rounds.
 pub const QUANTUM: u64 = 1000;
@@ -61,7 +67,7 @@ pub enum Progress {
 }
 
 /// The node that a frame works for: a record, or a memo of a record and the way to the frame.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 struct Here(u32);
 
 /// Tells memos from records.
@@ -87,8 +93,10 @@ struct Occurrences {
     journal: Vec<Key>,
 }
 
-/// A tree being grown: one task and its clock.
+/// A tree being grown: its tasks and their clock. Registers, frames and what goes with them are those of
+/// the task that is loaded.
 struct Run {
+    tasks: Tasks,
     stack: Vec<Value>,
     frames: Vec<Frame>,
     drivers: Vec<Driver>,
@@ -98,8 +106,6 @@ struct Run {
     tree: Tree,
     /// The task clock, in nanoseconds.
     now: u64,
-    /// Fuel used in the current round.
-    in_round: u64,
     memos: Vec<(RecId, Chain)>,
     memo_index: FxHashMap<(RecId, Chain), u32>,
     occurrences: FxHashMap<RecId, Occurrences>,
@@ -122,6 +128,8 @@ struct Run {
     traced: bool,
     /// The register of the run below that takes the tree.
     deliver: usize,
+    /// Tells it from other runs.
+    number: u64,
 }
 
 impl Run {
@@ -133,6 +141,7 @@ impl Run {
             tree.keys.then(Chain::EMPTY, Step::Edit(id), |_| 0);
         }
         Run {
+            tasks: Tasks::new(root),
             stack: vec![Value::NIL; 1024],
             frames: Vec::new(),
             drivers: Vec::new(),
@@ -141,7 +150,6 @@ impl Run {
             here: Here(root.0),
             tree,
             now: 0,
-            in_round: 0,
             memos: Vec::new(),
             memo_index: FxHashMap::default(),
             occurrences: FxHashMap::default(),
@@ -155,6 +163,7 @@ impl Run {
             raised: Raised::default(),
             traced,
             deliver: 0,
+            number: 0,
         }
     }
 
@@ -183,6 +192,8 @@ enum Exit {
     Fuel,
     /// Another run has begun on top: it has rounds of its own.
     Began,
+    /// The task waits.
+    Wait,
     /// A native asks the outside; the answer goes to this position of the stack.
     Ask(Request, usize),
 }
@@ -197,6 +208,8 @@ pub struct Machine {
     pub grants: Grants,
     /// Key of all random draws.
     pub seed: u64,
+    /// Key of the order in which ready tasks have their turns; 0 is the order of the source.
+    pub schedule: u64,
     /// What came from outside.
     pub log: Log,
     globals: Vec<Value>,
@@ -211,6 +224,18 @@ pub struct Machine {
     spent: Option<Value>,
     /// The fuel limit has been met: only clean-ups run.
     last_fuel: bool,
+    /// The host is told of starts and ends.
+    tells: bool,
+    /// Ends of paths: a task that begins there stops the run.
+    breaks: Vec<Vec<crate::value::Symbol>>,
+    /// The task that has just stopped it.
+    broke: Option<crate::tree::SlotId>,
+    /// The host has stopped the run while time was to pass.
+    halted: bool,
+    /// Where derived fluents are computed.
+    scratch: Option<Box<Run>>,
+    /// How many runs have begun inside of the outermost.
+    inner_runs: u64,
 }
 
 impl Machine {
@@ -226,6 +251,7 @@ impl Machine {
             limits,
             grants,
             seed,
+            schedule: 0,
             log: Log::default(),
             globals: Vec::new(),
             runs: vec![Run::new(Tree::default(), false)],
@@ -235,12 +261,38 @@ impl Machine {
             fresh: 0,
             spent: None,
             last_fuel: false,
+            tells: false,
+            breaks: Vec::new(),
+            broke: None,
+            halted: false,
+            scratch: None,
+            inner_runs: 0,
         }
     }
 
     /// Tell the host of every start and end.
     pub fn trace(&mut self) {
-        self.runs.iter_mut().for_each(|run| run.traced = true);
+        self.tells = true;
+        self.look_at_starts();
+    }
+
+    /// Stops the run where a task begins whose path ends with one of these lists of names.
+    pub fn break_at(&mut self, breaks: Vec<Vec<crate::value::Symbol>>) {
+        self.breaks = breaks;
+        self.look_at_starts();
+    }
+
+    /// Plan calls take the long way if somebody wants to know of them.
+    fn look_at_starts(&mut self) {
+        let looks = self.tells || !self.breaks.is_empty();
+        self.runs.iter_mut().for_each(|run| run.traced = looks);
+    }
+
+    /// The task at whose beginning the run has been stopped.
+    #[must_use]
+    pub fn stopped_at(&self) -> Option<crate::path::Path> {
+        let run = self.runs.last()?;
+        self.broke.map(|slot| crate::path::Path::of(&run.tree, slot))
     }
 
     /// Prepares a call of `function` as the root of the run. [`Machine::go`] runs it.
@@ -249,6 +301,7 @@ impl Machine {
         self.globals.resize(self.program.globals.len(), Value::UNSET);
         self.last_fuel = false;
         let run = self.bottom();
+        run.tasks = Tasks::new(RecId(1));
         run.frames.clear();
         run.drivers.clear();
         run.obligations.clear();
@@ -289,35 +342,40 @@ impl Machine {
 
     /// Goes on until the call that was started ends, or until `stop` units of fuel are used.
     pub fn go(&mut self, host: &mut dyn Host, stop: Option<u64>) -> Progress {
+        self.broke = None;
         loop {
             while let Some(failure) = self.spent.take() {
-                if let Some(Exit::Failed(failure)) = self.throw(host, failure)
-                    && let Some(outcome) = self.end_run(Err(failure))
+                if let Some(exit) = self.throw(host, failure)
+                    && let Some(outcome) = self.task_exit(host, exit)
                 {
                     return Progress::Ended(outcome);
                 }
             }
-            if stop.is_some_and(|stop| self.steps >= stop) {
+            if stop.is_some_and(|stop| self.steps >= stop) || self.broke.is_some() {
                 return Progress::Stopped;
             }
+            if !self.top().tasks.running {
+                match self.next_turn(host) {
+                    Some(outcome) => return Progress::Ended(outcome),
+                    None if std::mem::take(&mut self.halted) => return Progress::Stopped,
+                    None => continue,
+                }
+            }
             let limit = self.limits.fuel.saturating_add(if self.last_fuel { LAST_FUEL } else { 0 });
-            let until = limit.min(stop.unwrap_or(limit)).min(self.steps + QUANTUM - self.top().in_round);
+            let until = limit.min(stop.unwrap_or(limit)).min(self.steps + QUANTUM - self.top().tasks.in_turn);
             let given = until.saturating_sub(self.steps);
             let (mut left, run) = (given, self.runs.len() - 1);
             let exit = self.run_for(host, &mut left);
             self.steps += given - left;
-            self.runs[run].in_round += given - left;
+            self.runs[run].tasks.in_turn += given - left;
             let ended = match exit {
-                Exit::Done(value) => self.end_run(Ok(value)),
-                Exit::Failed(failure) => self.end_run(Err(failure)),
-                Exit::Ask(request, register) => self.ask(host, &request, register),
                 Exit::Fuel if self.steps >= limit => self.out_of_fuel(host),
-                Exit::Fuel if self.top().in_round >= QUANTUM => {
-                    self.end_round(QUANTUM_NS);
-                    let checked = self.check_memory().and_then(|()| self.check_cleanups());
-                    checked.err().and_then(|raise| self.inject(host, raise))
+                Exit::Fuel if self.top().tasks.in_turn >= QUANTUM => {
+                    self.use_up_turn();
+                    None
                 }
-                Exit::Fuel | Exit::Began => None,
+                Exit::Fuel => None,
+                exit => self.task_exit(host, exit),
             };
             if let Some(outcome) = ended {
                 return Progress::Ended(outcome);
@@ -325,12 +383,27 @@ impl Machine {
         }
     }
 
+    /// What becomes of a run whose loaded task has left the loop.
+    fn task_exit(&mut self, host: &mut dyn Host, exit: Exit) -> Option<Outcome> {
+        match exit {
+            Exit::Done(value) => self.end_task(host, Ok(value)),
+            Exit::Failed(failure) => self.end_task(host, Err(failure)),
+            Exit::Ask(request, register) => {
+                self.wait_for_answer(request, register);
+                None
+            }
+            Exit::Wait => {
+                self.has_begun_to_wait();
+                None
+            }
+            Exit::Fuel | Exit::Began => None,
+        }
+    }
+
     /// Raises a failure in the call of a native that has just been left.
     fn refuse(&mut self, host: &mut dyn Host, raise: Raise) -> Option<Outcome> {
-        match self.unwind(host, raise)? {
-            Exit::Failed(failure) => self.end_run(Err(failure)),
-            _ => None,
-        }
+        let exit = self.unwind(host, raise)?;
+        self.task_exit(host, exit)
     }
 
     /// Raises a failure between two instructions. Answers the outcome if nothing takes it.
@@ -351,12 +424,6 @@ impl Machine {
         let message = format!("the run used up its fuel of {} calls and backward jumps", self.limits.fuel);
         let fields = vec![("message", Value::str(message)), ("limit", Value::int(self.limits.fuel as i64))];
         self.inject(host, Box::new(Failure::with(Builtin::FuelExhausted, fields)))
-    }
-
-    fn end_round(&mut self, ns: u64) {
-        self.round += 1;
-        let run = self.top();
-        (run.in_round, run.now) = (0, run.now + ns);
     }
 
     fn top(&mut self) -> &mut Run {
@@ -403,38 +470,6 @@ impl Machine {
         run.frames.clear();
         run.drivers.clear();
         failure
-    }
-
-    /// Answers a request from the log or from the host, between two rounds.
-    fn ask(&mut self, host: &mut dyn Host, request: &Request, register: usize) -> Option<Outcome> {
-        self.end_round(0);
-        let words = request.describe();
-        let entry = match self.log.replay(self.round, &words) {
-            Ok(Some(entry)) => entry,
-            Ok(None) => {
-                let answer = host.answer(request);
-                let (round, step, clock) = (self.round, self.steps, self.top().now);
-                let entry = Entry { round, step, clock, request: words, answer };
-                host.commit(&entry);
-                self.log.add(entry.clone());
-                entry
-            }
-            Err(differs) => return self.refuse(host, Box::new(Failure::new(Builtin::ProgramError, differs))),
-        };
-        match entry.answer {
-            Ok(answer) => {
-                self.top().stack[register] = from_json(&answer);
-                None
-            }
-            Err(why) => {
-                let path = match request {
-                    Request::ReadFile(path) | Request::WriteFile { path, .. } => Value::str(path.as_str()),
-                    Request::Clock => Value::NIL,
-                };
-                let fields = vec![("message", Value::str(why)), ("path", path)];
-                self.refuse(host, Box::new(Failure::with(Builtin::FileFailure, fields)))
-            }
-        }
     }
 
     fn check_memory(&self) -> Result<(), Raise> {
@@ -575,6 +610,11 @@ impl<'a> Ctx<'a> {
             crate::random::draw(self.parts.seed, self.parts.tree.slot(record.slot).hash, record.attempt, *n);
         *n += 1;
         number
+    }
+    /// A number that no other call gets.
+    pub fn number(&mut self) -> u64 {
+        *self.parts.fresh += 1;
+        *self.parts.fresh
     }
     /// A name that no program uses.
     pub fn fresh(&mut self, stem: &str) -> crate::value::Symbol {

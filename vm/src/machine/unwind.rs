@@ -6,9 +6,10 @@
 use crate::code::{FnId, FormKind, Place};
 use crate::host::Host;
 use crate::native::Raise;
-use crate::tree::{DRIVEN, Status};
+use crate::tree::DRIVEN;
 use crate::value::{Obj, Value};
 
+use super::task::is_evaporation;
 use super::{Exit, Machine, Pc, RESUME};
 
 /// Failures that are kept in one chain of causes, or beside one failure.
@@ -44,13 +45,13 @@ impl Machine {
             // A handler of an obligation works for a task that has ended.
             let record = run.tree.record(rec);
             if rec != below && record.flags & DRIVEN == 0 && !record.status.is_final() {
-                self.end_record(host, rec, Status::Failed, failure.clone());
+                self.fail_record(host, rec, &failure);
             }
         }
     }
 
     /// Notes where the failure was raised, unless it comes from elsewhere.
-    fn say_where(&mut self, raise: &mut Raise) {
+    pub(super) fn say_where(&mut self, raise: &mut Raise) {
         if raise.place.is_none() {
             raise.place = self.place_of_frame();
         }
@@ -81,7 +82,7 @@ impl Machine {
         let run = self.top();
         let leaving = run.leaving.take();
         let (depth, at) = (run.frames.len(), Pc(run.pc.saturating_sub(1)));
-        let owes = run.obligations.iter().any(|it| it.depth == depth);
+        let owes = run.obligations.iter().any(|it| it.holder == (run.tasks.loaded, depth));
         let handling = run.handling.last().and_then(|it| it.of_frame(depth));
         let within = |function: &FnId| {
             let function = &self.program.functions[function.at()];
@@ -104,6 +105,7 @@ impl Machine {
                 };
             }
             match kind {
+                FormKind::Guarded { .. } if is_evaporation(&failure) => {}
                 FormKind::Guarded { handler, failure: register } => {
                     *self.top().register(register) = failure;
                     self.top().pc = handler.0;

@@ -8,6 +8,7 @@ use crate::tree::{DRIVEN, MOVED, NodeKind, RecId, SlotId, Status, Why};
 use crate::value::{Obj, Symbol, Value};
 
 use super::super::drive::{Call, Driver};
+use super::super::task::TaskId;
 use super::super::{Machine, RESUME, Run};
 use super::place::{Activation, Common, Stands, common_form, levels, own_side, side_within};
 use super::{Context, Obligation, Owed, Side};
@@ -18,7 +19,7 @@ struct Plan {
     side: Side,
     form: u32,
     /// The frame of the common form, and which level on the way to the call it is.
-    depth: usize,
+    holder: (TaskId, usize),
     level: usize,
     /// Handlers below it.
     contexts: Vec<Context>,
@@ -65,20 +66,13 @@ impl Machine {
     }
 
     fn add(&mut self, slot: SlotId, rec: RecId, what: Owed, plan: Plan) {
-        let holder = self.holder_slot(plan.depth);
-        let goals = self.move_goals(plan.depth);
+        let goals = self.move_goals(plan.holder);
+        let performed_in = self.holder_record(plan.holder);
         let run = self.top();
-        run.tree.extra_mut(rec).performed_in = Some(holder);
-        let Plan { after, side, form, depth, level, contexts } = plan;
-        let owed = Obligation { slot, rec, what, after, side, depth, level, form, contexts, goals };
+        run.tree.extra_mut(rec).performed_in = Some(run.tree.record(performed_in).slot);
+        let Plan { after, side, form, holder, level, contexts } = plan;
+        let owed = Obligation { slot, rec, what, after, side, holder, level, form, contexts, goals };
         run.obligations.push(owed);
-    }
-
-    /// The slot whose code holds the common form.
-    fn holder_slot(&self, depth: usize) -> SlotId {
-        let run = &self.runs[self.runs.len() - 1];
-        let here = run.frames.get(depth).map_or(run.here, |frame| frame.here);
-        run.tree.record(run.record(here)).slot
     }
 
     /// A new call of p takes the place of the one that is still owed. (8)
@@ -91,20 +85,28 @@ impl Machine {
     }
 
     /// The goals of tasks between the call and the common form are checked later. (6)
-    fn move_goals(&mut self, depth: usize) -> Vec<(RecId, Value)> {
+    fn move_goals(&mut self, holder: (TaskId, usize)) -> Vec<(RecId, Value)> {
         let run = self.top();
-        // The running frame is a driver's: that of the call itself.
-        let above = run.frames[depth..].iter().filter(|frame| frame.pc == RESUME).count();
-        let first = run.drivers.len().saturating_sub(above);
+        let mut tasks = vec![run.tasks.loaded];
+        while let Some(task) = tasks.last().copied().filter(|task| *task != holder.0) {
+            tasks.push(run.tasks.get(task).parent);
+        }
         let mut goals = Vec::new();
         let mut goal = None;
-        for driver in &run.drivers[first..] {
-            match driver {
-                Driver::Call(call) => goal = call.goal.clone(),
-                Driver::Body(layer) if layer.outermost => {
-                    goals.extend(goal.take().map(|goal| (layer.rec, goal)));
+        for task in tasks.into_iter().rev() {
+            let (frames, drivers) = run.frames_of(task);
+            let depth = if task == holder.0 { holder.1 } else { 0 };
+            // The frame on top of those that wait for a branch is the driver of its form.
+            let on_top = usize::from(task != run.tasks.loaded);
+            let above = on_top + frames[depth..].iter().filter(|frame| frame.pc == RESUME).count();
+            for driver in &drivers[drivers.len().saturating_sub(above)..] {
+                match driver {
+                    Driver::Call(call) => goal = call.goal.clone(),
+                    Driver::Body(layer) if layer.outermost => {
+                        goals.extend(goal.take().map(|goal| (layer.rec, goal)));
+                    }
+                    _ => {}
                 }
-                _ => {}
             }
         }
         for (rec, _) in &goals {
@@ -177,10 +179,10 @@ impl Machine {
             format!("{word} not applied: what it waits for is over, or does not come as expected")
         })?;
         let gone = || format!("{word} not applied: the form that contains both places is over");
-        let depth = frame(&common).ok_or_else(gone)?.depth;
+        let holder = frame(&common).ok_or_else(gone)?.holder();
         let Common { level, form, side } = common;
         let contexts = run.contexts(program, &activations, level, form);
-        Ok(Plan { after, side: with_record(side, call.rec), form, depth, level, contexts })
+        Ok(Plan { after, side: with_record(side, call.rec), form, holder, level, contexts })
     }
 
     /// `(owe p code :after q :as name)`: one obligation per name and common form. (10)
@@ -189,12 +191,12 @@ impl Machine {
             Ok(plan) => plan,
             Err(note) => return self.top().tree.extra_mut(call.rec).notes.push(note),
         };
-        let goals = self.move_goals(plan.depth);
-        let holder = self.holder_record(plan.depth);
+        let goals = self.move_goals(plan.holder);
+        let holder = self.holder_record(plan.holder);
         let code = self.accepted(id).code;
         let run = self.top();
         let open = run.obligations.iter_mut().find(|it| {
-            it.depth == plan.depth
+            it.holder == plan.holder
                 && it.form == plan.form
                 && matches!(&it.what, Owed::Code(..))
                 && run.tree.slot(it.slot).name == name
@@ -211,15 +213,16 @@ impl Machine {
         let rec = run.tree.enter(holder, slot, NodeKind::Plan, &[], run.now);
         run.tree.record_mut(rec).status = Status::Deferred;
         run.tree.record_mut(rec).flags |= DRIVEN;
-        let Plan { after, side, form, depth, level, contexts } = plan;
+        let Plan { after, side, form, holder, level, contexts } = plan;
         let what = Owed::Code(code, call.args.clone());
-        let owed = Obligation { slot, rec, what, after, side, depth, level, form, contexts, goals };
+        let owed = Obligation { slot, rec, what, after, side, holder, level, form, contexts, goals };
         run.obligations.push(owed);
     }
 
-    fn holder_record(&self, depth: usize) -> RecId {
+    /// The record whose code holds the common form.
+    fn holder_record(&self, (task, depth): (TaskId, usize)) -> RecId {
         let run = &self.runs[self.runs.len() - 1];
-        run.record(run.frames.get(depth).map_or(run.here, |frame| frame.here))
+        run.record(run.frames_of(task).0.get(depth).map_or(run.here, |frame| frame.here))
     }
 }
 
@@ -234,7 +237,7 @@ fn own_place(program: &Program, run: &Run, activations: &[Option<Activation>], s
     let act = activations[level].as_ref()?;
     let (form, _) = act.forms(program).next()?;
     let contexts = run.contexts(program, activations, level, form);
-    Some(Plan { after: slot, side: Side::Until(Pc(act.pc)), form, depth: act.depth, level, contexts })
+    Some(Plan { after: slot, side: Side::Until(Pc(act.pc)), form, holder: act.holder(), level, contexts })
 }
 
 impl Run {
@@ -249,31 +252,17 @@ impl Run {
         match side {
             Side::Until(end) => (act.pc < end.0).then_some(end.0 as usize),
             Side::Later(_) => Some(act.pc as usize),
+            Side::Branch(slot) => {
+                let ended = self.tree.shown(*slot).is_some_and(|rec| self.tree.record(rec).status.is_final());
+                (!ended).then_some(act.pc as usize)
+            }
             Side::Round(round, key) => {
                 let registers = program.forms[*round as usize].key()?;
-                let coming = self.rounds_to_come(registers, act.base as usize);
+                let coming = rounds_to_come(registers, self.registers_of(act.task, act.base as usize));
                 let at = coming.iter().position(|step| step == key)?;
                 let strangers =
                     between.is_some_and(|known| coming[..at].iter().any(|step| !known.contains(step)));
                 (!strangers).then_some(at)
-            }
-        }
-    }
-
-    /// The keys of the rounds that a loop has not begun.
-    fn rounds_to_come(&self, key: RoundKey, base: usize) -> Vec<Step> {
-        match key {
-            RoundKey::Count(register) => {
-                let number = |at: usize| self.stack[base + at].as_int().unwrap_or(0);
-                let (now, limit) = (number(register as usize), number(register as usize + 1));
-                (now + 1..limit).map(|i| Step::Round(Element::Int(i), 0)).collect()
-            }
-            RoundKey::Element(register) => {
-                let at = base + register as usize;
-                match self.stack[at + 2].obj() {
-                    Some(Obj::Ranks(ranks)) => ranks.to_come(&self.stack[at + 1]),
-                    _ => Vec::new(),
-                }
             }
         }
     }
@@ -297,10 +286,10 @@ impl Run {
                 Some((_, part)) => part.registers,
                 None => u8::MAX,
             };
-            let registers = &self.stack[act.base as usize..];
+            let registers = self.registers_of(act.task, act.base as usize);
             if let Stands::EndOf(_) = act.stands {
                 contexts.extend(
-                    self.contexts_at(act.depth, registers)
+                    self.contexts_at(act.holder(), registers)
                         .map(|context| Context { shared: context.shared.min(shared), ..context }),
                 );
             }
@@ -319,9 +308,9 @@ impl Run {
     }
 
     /// The handlers that are still around what a frame performs late.
-    fn contexts_at(&self, depth: usize, live: &[Value]) -> impl Iterator<Item = Context> {
-        let performed = self.drivers.iter().rev().find_map(|driver| match driver {
-            Driver::Discharge(it) if it.obligation.depth == depth => Some(it),
+    fn contexts_at(&self, holder: (TaskId, usize), live: &[Value]) -> impl Iterator<Item = Context> {
+        let performed = self.frames_of(holder.0).1.iter().rev().find_map(|driver| match driver {
+            Driver::Discharge(it) if it.obligation.holder == holder => Some(it),
             _ => None,
         });
         let contexts = performed.map_or(&[][..], |it| it.contexts_left()).iter();
@@ -331,5 +320,23 @@ impl Run {
             context.registers[..shared].clone_from_slice(&live[..shared]);
             context
         })
+    }
+}
+
+/// The keys of the rounds that a loop has not begun.
+fn rounds_to_come(key: RoundKey, registers: &[Value]) -> Vec<Step> {
+    match key {
+        RoundKey::Count(register) => {
+            let number = |at: usize| registers[at].as_int().unwrap_or(0);
+            let (now, limit) = (number(register as usize), number(register as usize + 1));
+            (now + 1..limit).map(|i| Step::Round(Element::Int(i), 0)).collect()
+        }
+        RoundKey::Element(register) => {
+            let at = register as usize;
+            match registers[at + 2].obj() {
+                Some(Obj::Ranks(ranks)) => ranks.to_come(&registers[at + 1]),
+                _ => Vec::new(),
+            }
+        }
     }
 }

@@ -21,7 +21,8 @@ use crate::op::Op;
 use crate::tree::{RecId, SlotId, Tree};
 use crate::value::{Obj, Value};
 
-use super::drive::Call;
+use super::drive::{Call, Driver};
+use super::task::TaskId;
 use super::{FnId, Here, Run};
 
 pub(super) use place::between;
@@ -36,8 +37,8 @@ pub(in crate::machine) struct Obligation {
     /// The place that it waits for.
     after: SlotId,
     side: Side,
-    /// The frame that holds the common form, as a number of frames.
-    pub(in crate::machine) depth: usize,
+    /// The frame that holds the common form: a task, and a number of frames below it.
+    pub(in crate::machine) holder: (TaskId, usize),
     /// Which level that frame is on the way to the call.
     level: usize,
     /// The common form.
@@ -65,6 +66,8 @@ enum Side {
     Round(u32, Step),
     /// A later run of the same code: over when q has a newer record that is final.
     Later(RecId),
+    /// Another branch of the same parallel form, by its slot.
+    Branch(SlotId),
 }
 
 /// A handler with the registers that its frame had when p was called. (4)
@@ -137,7 +140,7 @@ pub(in crate::machine) fn due(program: &Program, run: &RunView<'_>, depth: usize
     if run.handling.last().is_some_and(|it| it.depth == depth && it.left_by(pc, op)) {
         return true;
     }
-    let mut held = run.obligations.iter().filter(|it| it.depth == depth);
+    let mut held = run.obligations.iter().filter(|it| it.holder == (run.task, depth));
     held.any(|it| {
         let form = &program.forms[it.form as usize];
         !form.contains(pc) || matches!(op, Op::Return(_) | Op::ReturnPlan(_)) || it.is_over(program, run, pc)
@@ -146,6 +149,7 @@ pub(in crate::machine) fn due(program: &Program, run: &RunView<'_>, depth: usize
 
 /// What is looked at to see whether an obligation is due.
 pub(in crate::machine) struct RunView<'r> {
+    pub task: TaskId,
     pub obligations: &'r [Obligation],
     pub handling: &'r [Handling],
     pub tree: &'r Tree,
@@ -181,6 +185,8 @@ impl Obligation {
                 .tree
                 .shown(self.after)
                 .is_some_and(|rec| rec > *before && run.tree.record(rec).status.is_final()),
+            // The frame goes on when the form has ended.
+            Side::Branch(_) => true,
         };
         passed && !run.obligations.iter().any(|it| it.slot == self.after)
     }
@@ -225,8 +231,25 @@ impl Handling {
 }
 
 impl Run {
+    /// What is called by a task that has ended is performed where that is performed which calls it. (5)
+    pub(in crate::machine) fn note_late(&mut self, rec: RecId) {
+        let parent = self.tree.record(rec).parent;
+        if !self.tree.record(parent).status.is_final() {
+            return;
+        }
+        let performed = self.drivers.iter().rev().find_map(|driver| match driver {
+            Driver::Discharge(it) => Some(it.obligation.rec),
+            _ => None,
+        });
+        let holder = performed.and_then(|owed| self.tree.extra(owed)?.performed_in);
+        if holder.is_some() {
+            self.tree.extra_mut(rec).performed_in = holder;
+        }
+    }
+
     pub(in crate::machine) fn view(&self) -> RunView<'_> {
         RunView {
+            task: self.tasks.loaded,
             obligations: &self.obligations,
             handling: &self.handling,
             tree: &self.tree,

@@ -11,6 +11,7 @@ use crate::tree::{DRIVEN, SlotId, Status};
 use crate::value::{Obj, Value};
 
 use super::super::call::Slow;
+use super::super::cleanup::CleanUp;
 use super::super::drive::Driver;
 use super::super::{Frame, Here, Machine, Occurrences, RESUME};
 use super::{Context, Discharge, Handling, Obligation, Owed, Stage};
@@ -34,8 +35,9 @@ impl Machine {
         let (program, runs) = (&self.program, &self.runs);
         let run = &runs[runs.len() - 1];
         let view = run.view();
-        let held: Vec<usize> =
-            (0..run.obligations.len()).filter(|at| run.obligations[*at].depth == depth).collect();
+        let held: Vec<usize> = (0..run.obligations.len())
+            .filter(|at| run.obligations[*at].holder == (run.tasks.loaded, depth))
+            .collect();
         let op = program.code[pc as usize];
         let ended = |it: &Obligation| {
             !program.forms[it.form as usize].contains(pc) || matches!(op, Op::Return(_) | Op::ReturnPlan(_))
@@ -55,13 +57,13 @@ impl Machine {
     fn first_at_end(&mut self, ended: &[usize]) -> Option<usize> {
         let run = self.top();
         for at in ended {
-            let (after, depth, form) =
-                (run.obligations[*at].after, run.obligations[*at].depth, run.obligations[*at].form);
+            let (after, holder, form) =
+                (run.obligations[*at].after, run.obligations[*at].holder, run.obligations[*at].form);
             let further =
-                run.obligations.iter().find(|it| it.slot == after && (it.depth, it.form) != (depth, form));
-            if let Some(outer) = further.map(|it| (it.depth, it.level, it.form, it.side.clone())) {
+                run.obligations.iter().find(|it| it.slot == after && (it.holder, it.form) != (holder, form));
+            if let Some(outer) = further.map(|it| (it.holder, it.level, it.form, it.side.clone())) {
                 let it = &mut run.obligations[*at];
-                (it.depth, it.level, it.form, it.side) = outer;
+                (it.holder, it.level, it.form, it.side) = outer;
                 return self
                     .first_at_end(&ended.iter().copied().filter(|other| other != at).collect::<Vec<_>>());
             }
@@ -80,7 +82,10 @@ impl Machine {
         let run = self.top();
         let depth = run.frames.len();
         let held: Vec<usize> = (0..run.obligations.len())
-            .filter(|at| run.obligations[*at].depth == depth && run.obligations[*at].form == form)
+            .filter(|at| {
+                let it = &run.obligations[*at];
+                it.holder == (run.tasks.loaded, depth) && it.form == form
+            })
             .collect();
         if held.is_empty() { None } else { self.first_at_end(&held) }
     }
@@ -96,6 +101,12 @@ impl Machine {
         let scratch = self.scratch_register();
         let above = self.driver_base();
         let run = self.top();
+        if then.is_some() {
+            // Performed because its form is left, it is clean-up. (9)
+            let limit = run.tasks.get(run.tasks.loaded).limit;
+            let cleanup = CleanUp::begin(run.frames.len(), run.now, run.cleanups.last(), limit);
+            run.cleanups.push(cleanup.owed());
+        }
         run.frames.push(Frame { pc: run.pc, base: run.base, here: run.here, dst: scratch });
         (run.pc, run.base) = (RESUME, above);
         let discharge = Discharge { obligation, stage: Stage::Performing, then };
@@ -156,7 +167,7 @@ impl Machine {
             }
             // A handler that returns a value ends the obligation.
             Stage::Handling(_) => discharge.obligation.goals.len(),
-            Stage::Goal(n) if value.is_true() => n + 1,
+            Stage::Goal(n) if value.holds() => n + 1,
             Stage::Goal(n) => {
                 let slot = self.top().tree.record(discharge.obligation.goals[n].0).slot;
                 self.top().drivers.push(Driver::Discharge(discharge));
@@ -190,6 +201,7 @@ impl Machine {
         self.return_value(Value::NIL)?;
         match discharge.then {
             Some(failure) => {
+                self.top().cleanups.pop();
                 self.top().leaving = Some(form);
                 Ok(self.throw(host, failure))
             }
@@ -207,7 +219,7 @@ impl Machine {
     ) -> Result<(), Value> {
         let rec = discharge.obligation.rec;
         if !self.top().tree.record(rec).status.is_final() {
-            self.end_record(host, rec, Status::Failed, failure.clone());
+            self.fail_record(host, rec, &failure);
         }
         let next = match discharge.stage {
             Stage::Performing => 0,
@@ -217,14 +229,17 @@ impl Machine {
         if let Some(context) = discharge.obligation.contexts.get(next) {
             let context = context.clone();
             discharge.stage = Stage::Handling(next);
-            let owner = discharge.obligation.depth;
+            let (_, owner) = discharge.obligation.holder;
             self.top().drivers.push(Driver::Discharge(discharge));
             self.enter_handler(context, owner, failure);
             return Ok(());
         }
         // It is a failure of the common form, wherever in that the frame stands.
-        let Obligation { form, depth, .. } = discharge.obligation;
+        let Obligation { form, holder: (_, depth), .. } = discharge.obligation;
         self.top().leaving = Some(form);
+        if discharge.then.is_some() {
+            self.top().cleanups.pop();
+        }
         Err(match discharge.then.or_else(|| self.waiting_at(depth)) {
             // The failure that was on its way goes on, with this one beside it.
             Some(waiting) => super::super::unwind::with_also(&waiting, failure),
@@ -326,7 +341,7 @@ impl Machine {
         let run = self.top();
         let base = run.base as usize;
         let Some(Driver::Discharge(discharge)) = run.drivers.last_mut() else { return };
-        let Obligation { depth, contexts, .. } = &mut discharge.obligation;
+        let Obligation { holder: (_, depth), contexts, .. } = &mut discharge.obligation;
         if let Stage::Handling(n) = discharge.stage
             && let Some(context) = contexts.get_mut(n)
         {

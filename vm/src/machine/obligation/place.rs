@@ -6,10 +6,12 @@
 
 use crate::code::{FnKind, FormKind, FormRange, Pc, Program, SiteId};
 use crate::key::Step;
+use crate::op::Op;
 use crate::tree::{ROOT, RecId, SlotId, Tree};
 use crate::value::Symbol;
 
 use super::super::drive::Driver;
+use super::super::task::TaskId;
 use super::super::{Frame, Here, RESUME, Run};
 use super::Side;
 
@@ -27,7 +29,8 @@ pub(super) struct Activation {
     pub(super) pc: u32,
     pub(super) base: u32,
     pub(super) here: Here,
-    pub(super) depth: usize,
+    pub(super) task: TaskId,
+    depth: usize,
     pub(super) stands: Stands,
 }
 
@@ -41,6 +44,11 @@ pub(super) enum Stands {
 }
 
 impl Activation {
+    /// The frame, for obligations.
+    pub(super) fn holder(&self) -> (TaskId, usize) {
+        (self.task, self.depth)
+    }
+
     /// The forms that the frame is in, innermost first.
     pub(super) fn forms<'p>(
         &self,
@@ -120,6 +128,13 @@ pub(super) fn common_form(
         common = Some(*form);
     }
     let form = common?;
+    let is_branch = |it: &Level| {
+        let pc = program.sites[it.site.at()].pc;
+        matches!(program.code[pc.at()], Op::Fork(..)).then_some((pc, it.again))
+    };
+    if is_branch(ours).is_some() && is_branch(ours) == is_branch(other) {
+        return Some(Common { level, form, side: Side::Branch(theirs[level].1) });
+    }
     if ours.site == other.site {
         return Some(repeated(program, level, &a, other.again > ours.again));
     }
@@ -146,21 +161,58 @@ impl Run {
     /// is gone where the call, or a task around it, is itself performed later than it was made.
     pub(super) fn activations(&self, program: &Program, levels: usize) -> Vec<Option<Activation>> {
         let mut found: Vec<Option<Activation>> = Vec::new();
-        let (mut depth, mut driver) = (self.frames.len(), self.drivers.len());
+        let mut task = self.tasks.loaded;
         // The code of `wrap` and `replace` is no part of the way to what `(original)` in it calls.
         let mut skips = false;
+        self.activations_in(program, levels, task, None, &mut skips, &mut found);
+        while task != TaskId::ROOT {
+            // The frame that began the branch stands at it.
+            let branch = self.tree.slot(self.tasks.get(task).slot).key.site;
+            task = self.tasks.get(task).parent;
+            self.activations_in(program, levels, task, Some(branch), &mut skips, &mut found);
+        }
+        // The plan of a run is called by nobody.
+        found.resize_with(levels, || None);
+        found.reverse();
+        found
+    }
+
+    /// Those of one task, innermost first. `branch` is what the innermost one waits for.
+    fn activations_in(
+        &self,
+        program: &Program,
+        levels: usize,
+        task: TaskId,
+        mut branch: Option<SiteId>,
+        skips: &mut bool,
+        found: &mut Vec<Option<Activation>>,
+    ) {
+        let (frames, drivers) = self.frames_of(task);
+        // The frame on top of those that wait for a branch is the driver of its form.
+        let (mut depth, mut driver) = (frames.len(), drivers.len() - usize::from(branch.is_some()));
         // Other inserted code is called by its record, not by the code of its plan.
         let mut inserted_in = None;
         while let Some(at) = depth.checked_sub(1) {
             depth = at;
-            let (mut frame, mut stands) = (self.frames[at], None);
+            let (mut frame, mut stands) = (frames[at], None);
             if frame.pc == RESUME {
-                driver = driver.saturating_sub(1);
-                let Some(Driver::Discharge(discharge)) = self.drivers.get(driver) else {
-                    skips = !matches!(self.drivers.get(driver), Some(Driver::Call(_)));
-                    continue;
+                // The outermost frame of a task has no driver.
+                let Some(at_driver) = driver.checked_sub(1) else { break };
+                driver = at_driver;
+                let discharge = match &drivers[driver] {
+                    Driver::Discharge(discharge) => discharge,
+                    Driver::Body(_) | Driver::Wrap(_) => {
+                        *skips = true;
+                        continue;
+                    }
+                    // The call itself is made by a task above.
+                    Driver::Origin(_) => continue,
+                    Driver::Call(_) | Driver::Fork(_) => {
+                        *skips = false;
+                        continue;
+                    }
                 };
-                let holder = self.frames[at - 1];
+                let holder = frames[at - 1];
                 let Some(level) = discharge.level() else {
                     // The code of an `owe` is called by the record that owes it.
                     found.push(None);
@@ -169,14 +221,14 @@ impl Run {
                 };
                 // The frame that owes it stands for its level; those between are gone.
                 found.resize_with(levels.saturating_sub(level + 1), || None);
-                (skips, inserted_in, depth) = (false, None, at - 1);
+                (*skips, inserted_in, depth) = (false, None, at - 1);
                 (frame, stands) = (holder, Some(Stands::EndOf(discharge.form())));
                 if discharge.then.is_some() {
                     // A failure leaves the form: nothing in it is to come.
                     frame.pc = program.forms[discharge.form() as usize].end.0;
                 }
             }
-            if skips || inserted_in == Some(self.record(frame.here)) {
+            if *skips || inserted_in == Some(self.record(frame.here)) {
                 continue;
             }
             inserted_in = None;
@@ -186,13 +238,10 @@ impl Run {
             if program.functions[function.at()].kind == FnKind::Inserted {
                 inserted_in = Some(self.record(here));
             }
-            let stands = stands.or_else(|| program.site_at(function, call).map(Stands::At));
-            found.extend(stands.map(|stands| Some(Activation { pc, base, here, depth, stands })));
+            let site = branch.take().or_else(|| program.site_at(function, call));
+            let stands = stands.or(site.map(Stands::At));
+            found.extend(stands.map(|stands| Some(Activation { pc, base, here, task, depth, stands })));
         }
-        // The plan of a run is called by nobody.
-        found.resize_with(levels, || None);
-        found.reverse();
-        found
     }
 }
 
