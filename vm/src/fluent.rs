@@ -55,7 +55,7 @@ pub(crate) struct Waiter {
     /// The task.
     pub task: u32,
     /// Which of its waits.
-    pub token: u32,
+    pub token: u64,
     /// The position of its stack that takes the value.
     pub register: usize,
     /// What it waits for.

@@ -297,7 +297,8 @@ impl Machine {
         run.pc -= 1;
         run.tasks.wait(Waits::Join);
         let waiting = run.tasks.loaded;
-        run.tasks.get_mut(id).joiners.push(waiting);
+        let token = run.tasks.get(waiting).token;
+        run.tasks.get_mut(id).joiners.push((waiting, token));
         Ok(Some(Exit::Wait))
     }
 
@@ -348,8 +349,7 @@ impl Machine {
 impl Run {
     /// True if somebody still waits as he said.
     fn stands(&self, waiter: &Waiter) -> bool {
-        let task = self.tasks.get(TaskId(waiter.task));
-        task.token == waiter.token && matches!(task.state, State::Waiting(_))
+        self.tasks.is_waiting(TaskId(waiter.task), waiter.token)
     }
 
     fn status_word(&self, id: TaskId) -> &'static str {
@@ -358,7 +358,8 @@ impl Run {
     }
 
     /// A handle of a task, for programs.
-    pub(super) fn handle(&self, id: TaskId) -> Value {
+    pub(super) fn handle(&mut self, id: TaskId) -> Value {
+        self.tasks.get_mut(id).kept = true;
         Value::new(Obj::Task(Handle { run: self.number, task: id.0 }))
     }
 }

@@ -156,8 +156,7 @@ impl Machine {
             _ => tags_and_edges(&extra),
         };
         // Every branch knows those that have a name.
-        let handles: Vec<Value> =
-            tags.iter().map(|at| self.runs[self.runs.len() - 1].handle(branches[*at].task)).collect();
+        let handles: Vec<Value> = tags.iter().map(|at| self.top().handle(branches[*at].task)).collect();
         for branch in branches.iter_mut().filter(|_| !handles.is_empty()) {
             branch.values.splice(0..0, handles.iter().cloned());
         }
@@ -232,6 +231,7 @@ impl Machine {
         }
         match fork.ending.take() {
             Some(outcome) if fork.open == 0 => {
+                self.top().tasks.reclaim();
                 let failed: Vec<Value> = fork.branches.iter().filter_map(Branch::clean_up_failure).collect();
                 match outcome {
                     Ok(value) => self.return_value(value),

@@ -55,7 +55,9 @@ pub(super) struct Task {
     /// Its status as a fluent, if somebody has asked for that.
     pub status: Option<Value>,
     /// Who waits for its end.
-    pub joiners: Vec<TaskId>,
+    pub joiners: Vec<(TaskId, u64)>,
+    /// A program may have a handle of it.
+    pub kept: bool,
     /// Why it is to be stopped. It is thrown once, outside of clean-ups.
     pub evaporate: Option<Why>,
     thrown: bool,
@@ -71,8 +73,8 @@ pub(super) struct Task {
     pub begins_with: Option<Box<Call>>,
     /// What its next turn begins with.
     pub raise: Option<Raise>,
-    /// Tells timers of this wait from those of earlier ones.
-    pub token: u32,
+    /// Tells this wait from all others of the run.
+    pub token: u64,
     parked: Option<Box<Parked>>,
 }
 
@@ -139,6 +141,8 @@ pub(super) struct Tasks {
     /// A task used up its quantum in this round.
     busy: bool,
     timers: BinaryHeap<Reverse<Timer>>,
+    /// Numbers waits: no two have the same token.
+    waits: u64,
     /// Numbers timers, so that those of one time fire in the order of their making.
     timers_made: u64,
     asked: Vec<(TaskId, Request, usize)>,
@@ -149,7 +153,7 @@ struct Timer {
     at: u64,
     number: u64,
     task: TaskId,
-    token: u32,
+    token: u64,
     /// It is not what the task waits for: the time of its clean-up is over then.
     ends_clean_up: bool,
 }
@@ -168,6 +172,7 @@ impl Tasks {
             suspends: false,
             busy: false,
             timers: BinaryHeap::new(),
+            waits: 0,
             timers_made: 0,
             asked: Vec::new(),
         }
@@ -204,16 +209,31 @@ impl Tasks {
         let task = self.get_mut(id);
         if let State::Waiting(_) = task.state {
             task.state = State::Ready;
-            task.token += 1;
             self.ready.push(id);
+        }
+    }
+
+    /// True if a task still waits as it did when this was its token.
+    pub(super) fn is_waiting(&self, id: TaskId, token: u64) -> bool {
+        let task = self.all.get(id.at());
+        task.is_some_and(|task| task.token == token && matches!(task.state, State::Waiting(_)))
+    }
+
+    /// Forgets tasks that have ended and that nobody can name, as far as they are the last ones: their
+    /// numbers serve again.
+    pub(super) fn reclaim(&mut self) {
+        while self.all.last().is_some_and(|task| task.state == State::Ended && !task.kept) {
+            self.all.pop();
         }
     }
 
     /// The loaded task ends its turn and waits.
     pub(super) fn wait(&mut self, waits: Waits) {
         self.running = false;
-        let id = self.loaded;
-        self.get_mut(id).state = State::Waiting(waits);
+        self.waits += 1;
+        let (id, token) = (self.loaded, self.waits);
+        let task = self.get_mut(id);
+        (task.state, task.token) = (State::Waiting(waits), token);
     }
 
     /// The loaded task waits until a time of the task clock.
@@ -232,8 +252,7 @@ impl Tasks {
     /// The time of the next timer that somebody still waits for.
     fn next_timer(&mut self) -> Option<u64> {
         while let Some(Reverse(timer)) = self.timers.peek() {
-            let task = self.get(timer.task);
-            if task.token == timer.token && task.state != State::Ended {
+            if self.is_waiting(timer.task, timer.token) {
                 return Some(timer.at);
             }
             self.timers.pop();
@@ -285,6 +304,7 @@ impl Task {
             suspended: false,
             status: None,
             joiners: Vec::new(),
+            kept: false,
             evaporate: None,
             thrown: false,
             limit: u64::MAX,
@@ -582,8 +602,10 @@ impl Machine {
         (run.frames, run.drivers) = (Vec::new(), Vec::new());
         run.handling.clear();
         run.cleanups.clear();
-        for waiting in std::mem::take(&mut run.tasks.get_mut(id).joiners) {
-            run.tasks.make_ready(waiting);
+        for (waiting, token) in std::mem::take(&mut run.tasks.get_mut(id).joiners) {
+            if run.tasks.is_waiting(waiting, token) {
+                run.tasks.make_ready(waiting);
+            }
         }
         self.status_changed(host, id);
         self.branch_ended(id, outcome);
@@ -687,7 +709,11 @@ impl Machine {
         self.top().pc += u32::from(mid);
         let outcome = self.refuse(host, raise);
         if self.runs.len() == runs {
-            self.top().tasks.running = false;
+            let tasks = &mut self.top().tasks;
+            tasks.running = false;
+            if tasks.get(id).state == State::Ended {
+                tasks.ready.retain(|ready| *ready != id);
+            }
         }
         outcome
     }
