@@ -173,6 +173,7 @@ impl Machine {
             return Err(type_error("a fluent that is not computed from others", fluent));
         }
         let mut todo: BTreeMap<(u32, u64), Value> = BTreeMap::new();
+        let mut failed = None;
         let later = |todo: &mut BTreeMap<_, _>, changed: &Fluent| {
             for dependent in changed.dependents() {
                 if let Ok(it) = fluent_of(&dependent) {
@@ -188,15 +189,21 @@ impl Machine {
             let it = fluent_of(&fluent)?;
             let Some(derived) = &it.derived else { continue };
             let value = match derived.inputs.first().map(fluent_of) {
-                Some(Ok(input)) if derived.function.is_nil() => input.value(),
-                _ => self.compute(host, &derived.function)?,
+                Some(Ok(input)) if derived.function.is_nil() => Ok(input.value()),
+                _ => self.compute(host, &derived.function),
             };
-            if let Some(woken) = it.set(value) {
-                self.wake(woken);
-                later(&mut todo, it);
+            match value {
+                Ok(value) => {
+                    if let Some(woken) = it.set(value) {
+                        self.wake(woken);
+                        later(&mut todo, it);
+                    }
+                }
+                // It keeps the value that it had; the others are computed all the same.
+                Err(raise) => failed = failed.or(Some(raise)),
             }
         }
-        Ok(())
+        failed.map_or(Ok(()), Err)
     }
 
     fn wake(&mut self, woken: Vec<(Waiter, Value)>) {
