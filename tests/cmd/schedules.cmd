@@ -17,6 +17,10 @@
 === printed.plan
 (def-plan main () (par (print "left") (print "right")))
 
+=== clean-up.plan
+(def-plan work () (unwind-protect (sleep 9) (+ 1 'one)))
+(def-plan main () (pursue (work) (sleep 1)))
+
 === commands
 $ pleach run plan.plan --timeline
 --- stderr
@@ -90,3 +94,7 @@ Usage: pleach run --schedules <A..B> <FILE>
 
 For more information, try '--help'.
 --- exit 2
+$ pleach run clean-up.plan --quiet
+--- stderr
+warning: a clean-up failed while its task was stopped: type-error in top-level / main / pursue / work: "expected a number, got the symbol one"
+--- exit 0
