@@ -612,8 +612,13 @@ impl<'p> Oracle<'p> {
         if let Some(var) = clause.var {
             inner.env = inner.env.bind(var, failure.clone());
         }
-        match self.form(&inner, Part::Clause(at), |it, here| it.body(here, &clause.body, Use::Effect)) {
-            Ok(_) => Err(Exit::Fail(failure)),
+        // At its end a clause lets the failure pass, as `(propagate)` does.
+        let end = |it: &mut Self, here: &Here| {
+            it.body(here, &clause.body, Use::Effect)?;
+            Err(Exit::Propagate(failure.clone()))
+        };
+        match self.form(&inner, Part::Clause(at), end) {
+            Ok(value) => Ok(Some(value)),
             Err(Exit::Propagate(passed)) => Err(Exit::Fail(caused_by(&passed, &failure))),
             Err(Exit::Retry) => Ok(None),
             Err(Exit::Return(value)) => Ok(Some(value)),
