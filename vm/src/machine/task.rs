@@ -118,6 +118,9 @@ pub(super) struct Parked {
     leaving: Option<u32>,
 }
 
+/// How often a run may come to where nothing can go on: each time something is stopped.
+const MOST_DEADLOCKS: u32 = 10_000;
+
 /// Registers of a task that are moved one by one; a deeper stack changes hands as a whole.
 const FEW: usize = 4096;
 
@@ -141,6 +144,8 @@ pub(super) struct Tasks {
     /// A task used up its quantum in this round.
     busy: bool,
     timers: BinaryHeap<Reverse<Timer>>,
+    /// How often nothing could go on.
+    deadlocks: u32,
     /// Numbers waits: no two have the same token.
     waits: u64,
     /// Numbers timers, so that those of one time fire in the order of their making.
@@ -172,6 +177,7 @@ impl Tasks {
             suspends: false,
             busy: false,
             timers: BinaryHeap::new(),
+            deadlocks: 0,
             waits: 0,
             timers_made: 0,
             asked: Vec::new(),
@@ -618,6 +624,8 @@ impl Machine {
         let id = run.tasks.loaded;
         let task = run.tasks.get(id);
         match run.cleanups.last().map(CleanUp::deadline) {
+            // Once it has been said that the time is over, it is not said again.
+            Some(deadline) if deadline <= run.now => {}
             Some(deadline) => run.tasks.set_timer(deadline, true),
             // Who is to be stopped does not wait.
             None if task.evaporate.is_some() && !task.thrown => run.tasks.make_ready(id),
@@ -721,6 +729,22 @@ impl Machine {
     /// Nobody can ever go on.
     fn deadlock(&mut self, host: &mut dyn Host) -> Option<Outcome> {
         let run = self.top();
+        run.tasks.deadlocks += 1;
+        if run.tasks.deadlocks > MOST_DEADLOCKS {
+            let failure = Failure::new(Builtin::Deadlock, "nothing can go on, and nothing can be stopped");
+            return Some(Err(self.abandon(failure)));
+        }
+        // What waits in a clean-up cannot be stopped by the failure of another task.
+        let cleaning = run.tasks.all.iter().enumerate().map(|(at, task)| (TaskId(at as u32), task));
+        let stuck = cleaning
+            .filter(|(_, task)| matches!(task.state, State::Waiting(waits) if waits != Waits::Branches))
+            .map(|(id, _)| id)
+            .find(|id| run.is_cleaning_up(*id));
+        if let Some(id) = stuck {
+            run.tasks.get_mut(id).raise = Some(super::cleanup::too_long());
+            run.tasks.make_ready(id);
+            return None;
+        }
         let mut lines: Vec<String> = Vec::new();
         for (at, task) in run.tasks.all.iter().enumerate() {
             let id = TaskId(at as u32);
