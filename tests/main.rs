@@ -10,6 +10,7 @@
 mod agreement;
 mod arrows;
 mod cmd;
+mod concurrency;
 mod diagnostics;
 mod docs;
 mod expected;
