@@ -14,6 +14,7 @@ mod concurrency;
 mod diagnostics;
 mod docs;
 mod expected;
+mod fluents;
 mod fuzz_regressions;
 mod limits;
 mod oracle;
