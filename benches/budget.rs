@@ -17,6 +17,9 @@ use vm::value::Value;
 const RUNS: usize = 9;
 
 fn main() {
+    if std::env::var(MEASURE_BYTES).is_ok() {
+        return println!("{}", parked_bytes());
+    }
     let pattern = std::env::args().skip(1).find(|arg| !arg.starts_with("--")).unwrap_or_default();
     let thread = std::thread::Builder::new().stack_size(256 << 20);
     let bench = thread.spawn(move || all(&pattern)).expect("a thread can be started");
@@ -30,6 +33,8 @@ fn all(pattern: &str) {
     loops(&wanted);
     depth(&wanted);
     failures(&wanted);
+    tasks(&wanted);
+    fluents(&wanted);
     text(&wanted);
 }
 
@@ -307,6 +312,123 @@ fn failures(wanted: &dyn Fn(&str) -> bool) {
             "failure",
             &format!("through 10 frames (must {must} ns)"),
         );
+    }
+}
+
+const TASKS: &str = "
+(def-plan ends (xs rounds) (dotimes (i rounds) (par-loop (x xs) x)))
+(def-plan parks (xs rounds)
+  (dotimes (i rounds) (let ((go (fluent))) (par (par-loop (x xs) (wait-for go)) (seq (sleep 1) (set-value go true))))))
+(def-plan sleeps (xs rounds) (dotimes (i rounds) (par-loop (x xs) (sleep x))))
+(def-plan evaporates (xs rounds) (dotimes (i rounds) (pursue (par-loop (x xs) (sleep 1000000)) (sleep 1))))
+(def-plan parked (xs rounds)
+  (let ((go (fluent)))
+    (par (par-loop (x xs) (wait-for go)) (seq (sleep 1) (dotimes (i 10000000)) (set-value go true)))))
+(def-plan hands-over (n)
+  (let ((ping (fluent)) (pong (fluent)))
+    (par
+      (dotimes (i n) (set-value ping true) (wait-for pong) (set-value pong false))
+      (dotimes (i n) (wait-for ping) (set-value ping false) (set-value pong true)))))
+";
+/// Branches in one run, however many are in one form.
+const BRANCHES: i64 = 100_000;
+
+fn tasks(wanted: &dyn Fn(&str) -> bool) {
+    let workloads = [
+        ("task/ends/10", "ends", 10, "must 300 ns"),
+        ("task/ends/1000", "ends", 1_000, "must 300 ns"),
+        ("task/ends/100000", "ends", BRANCHES, "must 500 ns"),
+        ("task/waits/10", "parks", 10, "parked, woken by one fluent"),
+        ("task/waits/1000", "parks", 1_000, "parked, woken by one fluent"),
+        ("task/waits/100000", "parks", BRANCHES, "parked, woken by one fluent"),
+        ("task/timers/100000", "sleeps", BRANCHES, "each with a time of its own, must 700 ns"),
+        ("task/evaporated/100000", "evaporates", BRANCHES, "sleepers, started and stopped"),
+    ];
+    for (name, plan, n, note) in workloads {
+        if !wanted(name) {
+            continue;
+        }
+        let mut program = Program::new(TASKS, plan);
+        let args = vec![Value::list((0..n).map(Value::int).collect::<Vec<_>>()), Value::int(BRANCHES / n)];
+        let (mut times, mut theirs) = (Vec::new(), Vec::new());
+        for _ in 0..RUNS {
+            program.session.machine.restart(false);
+            let start = ProcessTime::now();
+            let outcome = program.session.call(program.function, args.clone(), &mut String::new());
+            times.push(ns(start.elapsed()));
+            outcome.expect("it succeeds");
+            theirs.extend(lua(&format!("park{n}")).filter(|_| plan == "parks"));
+        }
+        let ours = median(times) / BRANCHES as f64;
+        let ratio = match theirs.is_empty() {
+            true => String::new(),
+            false => format!(", {:.2} x Lua 5.4", ours / (median(theirs) * 1e6 / BRANCHES as f64)),
+        };
+        line(name, ours, "branch", &format!("({note}){ratio}"));
+    }
+    if wanted("task/bytes") {
+        let output = Command::new(std::env::current_exe().expect("it runs")).env(MEASURE_BYTES, "1").output();
+        let bytes = output.ok().and_then(|output| String::from_utf8(output.stdout).ok()).unwrap_or_default();
+        println!("{:<34} {:>10} bytes per branch that waits (must 600)", "task/bytes", bytes.trim());
+    }
+    if wanted("task/hand-off") {
+        const ROUNDS: i64 = 50_000;
+        let mut program = Program::new(TASKS, "hands-over");
+        let (mut times, mut theirs) = (Vec::new(), Vec::new());
+        for _ in 0..RUNS {
+            program.session.machine.restart(false);
+            times.push(program.run(&[ROUNDS]).1 / (2 * ROUNDS) as f64);
+            theirs.extend(lua("hand-off").map(|ms| ms * 1e6 / (2 * ROUNDS) as f64));
+        }
+        let ours = median(times);
+        let note = match theirs.is_empty() {
+            true => "lua5.4 is not installed".to_string(),
+            false => format!("{:.2} x Lua 5.4 (resume and yield)", ours / median(theirs)),
+        };
+        line("task/hand-off", ours, "hand-off", &note);
+    }
+}
+
+/// Set in a process of its own that measures memory: pages that have been used before tell nothing.
+const MEASURE_BYTES: &str = "PLEACH_MEASURE_BYTES";
+
+/// What a branch that waits takes, with its node: resident memory, as it is measured of the peers.
+fn parked_bytes() -> i64 {
+    let resident = || -> i64 {
+        let pages = std::fs::read_to_string("/proc/self/statm").unwrap_or_default();
+        pages.split(' ').nth(1).and_then(|it| it.parse().ok()).unwrap_or(0) * 4096
+    };
+    let mut program = Program::new(TASKS, "parked");
+    let xs = Value::list((0..BRANCHES).map(Value::int).collect::<Vec<_>>());
+    let before = resident();
+    let machine = &mut program.session.machine;
+    machine.start(program.function, vec![xs, Value::int(1)]);
+    // In the long loop, while all others wait.
+    let stop = machine.steps() + 5_000_000;
+    let progress = program.session.go(&mut String::new(), Some(stop));
+    assert!(matches!(progress, Progress::Stopped));
+    (resident() - before) / BRANCHES
+}
+
+fn fluents(wanted: &dyn Fn(&str) -> bool) {
+    for dependents in [0, 1, 10] {
+        let name = format!("task/set-value/{dependents}");
+        if !wanted(&name) {
+            continue;
+        }
+        const CHANGES: i64 = 100_000;
+        let names: String = (0..dependents).map(|i| format!("(d{i} (fl (+ cell {i})))")).collect();
+        let last: String = (0..dependents).map(|i| format!(" (value d{i})")).collect();
+        let text = format!(
+            "(def-plan sets (n) (let* ((cell (fluent 0)) {names}) (dotimes (i n) (set-value cell i)) (list{last})))"
+        );
+        let mut program = Program::new(&text, "sets");
+        let mut times = Vec::new();
+        for _ in 0..RUNS {
+            program.session.machine.restart(false);
+            times.push(program.run(&[CHANGES]).1 / CHANGES as f64);
+        }
+        line(&name, median(times), "change", &format!("{dependents} fluents derived from it"));
     }
 }
 

@@ -23,7 +23,29 @@ local function closures(n)
   for i = 0, n - 1 do local f = function(x) return (x + i) % 1000003 end acc = f(acc) end
   return acc
 end
+-- As many coroutines in all, so many at a time: each waits for one event, then ends.
+local function park(n)
+  local done = 0
+  for _ = 1, 100000 // n do
+    local tasks = {}
+    for i = 1, n do
+      local task = coroutine.create(function() done = done + coroutine.yield() end)
+      coroutine.resume(task)
+      tasks[i] = task
+    end
+    for i = 1, n do coroutine.resume(tasks[i], 1) end
+  end
+  return done
+end
+local function hand_off(n)
+  local other = coroutine.create(function() while true do coroutine.yield() end end)
+  for _ = 1, n do coroutine.resume(other) end
+end
 local workloads = {
+  park10 = function() return park(10) end,
+  park1000 = function() return park(1000) end,
+  park100000 = function() return park(100000) end,
+  ["hand-off"] = function() return hand_off(50000) end,
   fib30 = function() return fib(30) end,
   tak = function() return tak(24, 16, 8) end,
   queens10 = function() return try(upto(10), nil, nil) end,
