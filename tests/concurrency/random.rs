@@ -46,9 +46,6 @@ struct Generator {
 
 const FAILURES: &[&str] = &["f1", "f2", "plan-failure", "failure", "timeout", "composite-failure"];
 const LISTS: &[&str] = &["'(1 2)", "'(a 1 a)", "'(3)", "'()", "'(1 2 3)"];
-/// FIXME: calls that are put off out of branches make some of these programs panic, never end, or have
-/// records that outlive their parents. To be true.
-const DEFERS: bool = false;
 
 /// What every random program begins with.
 pub const HEAD: &str = "\
@@ -137,7 +134,7 @@ impl Generator {
             2 => format!("(pursue (original) (seq (sleep 0.004) {code}))"),
             _ => format!("(seq {code} (original))"),
         };
-        match self.below(if DEFERS { 11 } else { 8 }) {
+        match self.below(11) {
             0 => format!("(skip {at})"),
             1 => format!("(before {at} '{code})"),
             2 => format!("(after {at} '{code})"),

@@ -301,6 +301,7 @@ impl Machine {
             let args = &branch.values[..branch.args];
             let rec = run.tree.enter(parent, branch.slot, NodeKind::Branch, args, run.now);
             run.tree.record_mut(rec).flags |= DRIVEN;
+            run.note_late(rec);
             let registers = std::iter::once(Value::NIL).chain(std::mem::take(&mut branch.values)).collect();
             run.tree.calls(branch.slot, branch.function);
             run.start_task(branch.task, rec, entry, registers);
