@@ -10,7 +10,7 @@ use crate::host::Host;
 use crate::key::{Ranks, Step};
 use crate::native::{Raise, type_error};
 use crate::op::Count;
-use crate::tree::{DRIVEN, NodeKind, SlotId, Why};
+use crate::tree::{DRIVEN, NodeKind, SlotId, Status, Why};
 use crate::value::{Imm, Obj, Value};
 
 use super::call::Slow;
@@ -90,6 +90,8 @@ struct Branch {
     started: bool,
     /// Somebody had asked it to stop when it ended.
     stopped: bool,
+    /// An edit has left it out, or put it off: its end decides nothing.
+    absent: bool,
     /// How it ended, and in which round.
     end: Option<(u64, Outcome)>,
 }
@@ -99,7 +101,7 @@ impl Branch {
         self.end.as_ref()?.1.as_ref().err().filter(|failure| !is_evaporation(failure))
     }
     fn has_succeeded(&self) -> bool {
-        matches!(self.end, Some((_, Ok(_))))
+        !self.absent && matches!(self.end, Some((_, Ok(_))))
     }
     fn value(&self) -> Value {
         match &self.end {
@@ -193,6 +195,7 @@ impl Machine {
             task: TaskId::ROOT,
             started: false,
             stopped: false,
+            absent: false,
             end: None,
         })
     }
@@ -317,10 +320,17 @@ impl Machine {
         let run = self.top();
         let task = run.tasks.get(id);
         let (parent, ordinal, stopped) = (task.parent, task.ordinal as usize, task.evaporate.is_some());
+        let record = run.tree.record(task.rec);
+        let absent = match record.status {
+            Status::Deferred => true,
+            Status::Skipped => record.value.is_nil(),
+            _ => false,
+        };
         let Some(Driver::Fork(fork)) = run.driver_of(parent) else { return };
         let kind = fork.kind;
         let failed = outcome.as_ref().is_err_and(|failure| !is_evaporation(failure));
         fork.branches[ordinal].stopped = stopped;
+        fork.branches[ordinal].absent = absent;
         fork.branches[ordinal].end = Some((round, outcome));
         fork.open -= 1;
         let decides = match kind {
@@ -358,7 +368,9 @@ impl Machine {
                 is_over.then(|| Ok(Value::list(fork.values())))
             }
             ForkKind::Pursue => {
-                let round = first_round(&|_| true)?;
+                let Some(round) = first_round(&|branch: &Branch| !branch.absent) else {
+                    return is_over.then(|| Ok(Value::NIL));
+                };
                 let success = in_round(round).find(|at| fork.branches[**at].has_succeeded());
                 Some(match failures_of(round) {
                     Some(failure) => Err(failure),
@@ -418,7 +430,8 @@ impl Fork {
             return self.branches[..at].iter().all(|branch| branch.end.is_some());
         }
         let before = self.edges.iter().filter(|(_, after)| *after == at);
-        before.into_iter().all(|(before, _)| self.branches[*before].has_succeeded())
+        // One that is left out or put off holds nobody up.
+        before.into_iter().all(|(before, _)| matches!(self.branches[*before].end, Some((_, Ok(_)))))
     }
 }
 
