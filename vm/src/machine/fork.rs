@@ -66,6 +66,8 @@ pub(super) struct Fork {
     kind: ForkKind,
     /// In the order of the source.
     branches: Vec<Branch>,
+    /// The branches that have a name, for all of them.
+    handles: Vec<Value>,
     /// How many run.
     open: usize,
     /// Which branches come before which.
@@ -81,10 +83,10 @@ pub(super) struct Fork {
 struct Branch {
     slot: SlotId,
     function: FnId,
-    /// Its arguments, then the values that it captured.
-    values: Vec<Value>,
-    /// How many of these are arguments.
-    args: usize,
+    /// Its function with what that captured.
+    code: Value,
+    /// The element of the list that it is for; unset in forms that are no loops.
+    element: Value,
     task: TaskId,
     /// It has been started.
     started: bool,
@@ -119,6 +121,15 @@ impl Branch {
             false => self.stopped.then(|| failure.clone()),
         }
     }
+    /// Its arguments, then what its function captured.
+    fn values<'b>(&'b self, handles: &'b [Value]) -> impl Iterator<Item = Value> + 'b {
+        let captured = match self.code.obj() {
+            Some(Obj::Closure(_, captured)) => &captured[..],
+            _ => &[],
+        };
+        let element = Some(&self.element).filter(|element| !element.is_unset());
+        handles.iter().chain(element).chain(captured).cloned()
+    }
     fn is_running(&self) -> bool {
         self.started && self.end.is_none()
     }
@@ -139,12 +150,12 @@ impl Machine {
             while let Some((element, after)) = rest.as_pair().map(|(a, b)| (a.clone(), b.clone())) {
                 rest = after;
                 let round = ranks.step(&rest);
-                branches.push(self.branch(site, Some(round), &code, vec![element])?);
+                branches.push(self.branch(site, Some(round), code.clone(), element)?);
             }
         } else {
             for i in 0..n.0 {
                 let code = self.reg(w.wrapping_add(2 + i)).clone();
-                branches.push(self.branch(SiteId(site.0 + u32::from(i)), None, &code, Vec::new())?);
+                branches.push(self.branch(SiteId(site.0 + u32::from(i)), None, code, Value::UNSET)?);
             }
         }
         let origin = self.top().origin().map(Box::new);
@@ -159,14 +170,11 @@ impl Machine {
         };
         // Every branch knows those that have a name.
         let handles: Vec<Value> = tags.iter().map(|at| self.top().handle(branches[*at].task)).collect();
-        for branch in branches.iter_mut().filter(|_| !handles.is_empty()) {
-            branch.values.splice(0..0, handles.iter().cloned());
-        }
         let deadline = match kind {
             ForkKind::WithTimeout => Some(self.top().now.saturating_add(nanoseconds(&extra)?)),
             _ => None,
         };
-        let fork = Fork { kind, branches, open: 0, edges, deadline, ending: None, late: false };
+        let fork = Fork { kind, branches, handles, open: 0, edges, deadline, ending: None, late: false };
         self.push_driver(Driver::Fork(Box::new(fork)), d);
         self.fork_resumed_with(host)
     }
@@ -175,23 +183,21 @@ impl Machine {
         &mut self,
         site: SiteId,
         round: Option<Step>,
-        code: &Value,
-        mut values: Vec<Value>,
+        code: Value,
+        element: Value,
     ) -> Result<Branch, Raise> {
-        let (function, captured): (FnId, &[Value]) = match code {
-            Value::Imm(Imm::Function(function)) => (*function, &[]),
-            Value::Obj(obj) if let Obj::Closure(function, captured) = &**obj => (*function, captured),
-            _ => return Err(type_error("a function", code)),
+        let function = match &code {
+            Value::Imm(Imm::Function(function)) => *function,
+            Value::Obj(obj) if let Obj::Closure(function, _) = &**obj => *function,
+            _ => return Err(type_error("a function", &code)),
         };
         let name = self.program.sites[site.at()].name;
         let slot = self.slot_of(site, name, round);
-        let args = values.len();
-        values.extend_from_slice(captured);
         Ok(Branch {
             slot,
             function,
-            values,
-            args,
+            code,
+            element,
             task: TaskId::ROOT,
             started: false,
             stopped: false,
@@ -289,7 +295,7 @@ impl Machine {
             if !run.tree.edits_of(branch.slot).is_empty() {
                 let parent = run.record(run.here);
                 let (task, slot) = (branch.task, branch.slot);
-                let values = std::mem::take(&mut branch.values);
+                let values = branch.values(&fork.handles).collect();
                 let mut call = Call::of_branch(slot, parent, branch.function, values);
                 run.tree.calls(slot, branch.function);
                 call.rec = self.record_of_call(host, &call);
@@ -301,13 +307,13 @@ impl Machine {
             let run = &mut self.runs[..];
             let Some(run) = run.last_mut() else { return };
             let parent = run.record(run.here);
-            let args = &branch.values[..branch.args];
+            let shown = [branch.element.clone()];
+            let args = if branch.element.is_unset() { &[][..] } else { &shown[..] };
             let rec = run.tree.enter(parent, branch.slot, NodeKind::Branch, args, run.now);
             run.tree.record_mut(rec).flags |= DRIVEN;
             run.note_late(rec);
-            let registers = std::iter::once(Value::NIL).chain(std::mem::take(&mut branch.values)).collect();
             run.tree.calls(branch.slot, branch.function);
-            run.start_task(branch.task, rec, entry, registers);
+            run.start_task(branch.task, rec, entry, branch.values(&fork.handles));
             self.trace_start(host, rec);
             let id = fork.branches[at].task;
             self.status_changed(host, id);

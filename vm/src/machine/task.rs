@@ -151,7 +151,13 @@ pub(super) struct Tasks {
     /// Numbers timers, so that those of one time fire in the order of their making.
     timers_made: u64,
     asked: Vec<(TaskId, Request, usize)>,
+    /// Emptied ones, whose memory serves again.
+    #[expect(clippy::vec_box, reason = "a box moves from a task to here and to the next task")]
+    spare: Vec<Box<Parked>>,
 }
+
+/// How many of these are kept.
+const MOST_SPARE: usize = 1000;
 
 #[derive(PartialEq, Eq, PartialOrd, Ord)]
 struct Timer {
@@ -181,6 +187,7 @@ impl Tasks {
             waits: 0,
             timers_made: 0,
             asked: Vec::new(),
+            spare: Vec::new(),
         }
     }
 
@@ -350,52 +357,68 @@ impl Run {
         self.tasks.ready.push(id);
     }
 
-    /// The task begins with the code at `pc`, with these registers, in the next round.
-    pub(super) fn start_task(&mut self, id: TaskId, rec: RecId, pc: u32, registers: Vec<Value>) {
+    /// The task begins with the code at `pc`, with these values in its registers, in the next round.
+    pub(super) fn start_task(
+        &mut self,
+        id: TaskId,
+        rec: RecId,
+        pc: u32,
+        values: impl Iterator<Item = Value>,
+    ) {
+        let mut parked = self.tasks.spare.pop().unwrap_or_default();
+        (parked.pc, parked.base, parked.here) = (pc, 1, Here(rec.0));
         // It returns to a frame without instructions: that ends the task.
-        let here = Here(rec.0);
-        let frames = vec![Frame { pc: super::RESUME, base: 0, here, dst: 0 }];
+        parked.registers.push(Value::NIL);
+        parked.registers.extend(values);
+        parked.frames.push(Frame { pc: super::RESUME, base: 0, here: Here(rec.0), dst: 0 });
         let task = self.tasks.get_mut(id);
         task.rec = rec;
-        task.parked = Some(Box::new(Parked { registers, frames, pc, base: 1, here, ..Parked::default() }));
+        task.parked = Some(parked);
         self.tasks.ready.push(id);
     }
 
     /// Puts the loaded task aside; it uses so many registers.
     fn park(&mut self, used: usize) {
-        let registers = match used > FEW {
-            true => std::mem::replace(&mut self.stack, vec![Value::NIL; 1024]),
-            false => self.stack[..used].iter_mut().map(std::mem::take).collect(),
-        };
-        let parked = Parked {
-            registers,
-            frames: std::mem::take(&mut self.frames),
-            drivers: std::mem::take(&mut self.drivers),
-            handling: std::mem::take(&mut self.handling),
-            cleanups: std::mem::take(&mut self.cleanups),
-            pc: self.pc,
-            base: self.base,
-            here: self.here,
-            leaving: self.leaving.take(),
-        };
+        let mut parked = self.tasks.spare.pop().unwrap_or_default();
+        match used > FEW {
+            true => parked.registers = std::mem::replace(&mut self.stack, vec![Value::NIL; 1024]),
+            false => {
+                // Many may wait for long: no room that is not used.
+                parked.registers.reserve_exact(used);
+                parked.registers.extend(self.stack[..used].iter_mut().map(std::mem::take));
+            }
+        }
+        self.exchange(&mut parked);
         let id = self.tasks.loaded;
-        self.tasks.get_mut(id).parked = Some(Box::new(parked));
+        self.tasks.get_mut(id).parked = Some(parked);
     }
 
     fn unpark(&mut self, id: TaskId) {
         self.tasks.loaded = id;
-        let Some(parked) = self.tasks.get_mut(id).parked.take() else { return };
-        let Parked { registers, frames, drivers, handling, cleanups, pc, base, here, leaving } = *parked;
-        if registers.len() > FEW {
-            self.stack = registers;
+        let Some(mut parked) = self.tasks.get_mut(id).parked.take() else { return };
+        if parked.registers.len() > FEW {
+            self.stack = std::mem::take(&mut parked.registers);
         } else {
-            for (register, value) in self.stack.iter_mut().zip(registers) {
+            for (register, value) in self.stack.iter_mut().zip(parked.registers.drain(..)) {
                 *register = value;
             }
         }
-        (self.frames, self.drivers) = (frames, drivers);
-        (self.handling, self.cleanups) = (handling, cleanups);
-        (self.pc, self.base, self.here, self.leaving) = (pc, base, here, leaving);
+        self.exchange(&mut parked);
+        if self.tasks.spare.len() < MOST_SPARE {
+            self.tasks.spare.push(parked);
+        }
+    }
+
+    /// The loaded task and a parked one change places, but for their registers. One of them is empty.
+    fn exchange(&mut self, parked: &mut Parked) {
+        std::mem::swap(&mut self.frames, &mut parked.frames);
+        std::mem::swap(&mut self.drivers, &mut parked.drivers);
+        std::mem::swap(&mut self.handling, &mut parked.handling);
+        std::mem::swap(&mut self.cleanups, &mut parked.cleanups);
+        std::mem::swap(&mut self.leaving, &mut parked.leaving);
+        (self.pc, parked.pc) = (parked.pc, self.pc);
+        (self.base, parked.base) = (parked.base, self.base);
+        (self.here, parked.here) = (parked.here, self.here);
     }
 
     /// The innermost driver of a task that waits for its branches.
@@ -605,7 +628,9 @@ impl Machine {
         run.tasks.running = false;
         run.tasks.get_mut(id).state = State::Ended;
         // Nothing of it is left but what others know of it.
-        (run.frames, run.drivers) = (Vec::new(), Vec::new());
+        run.frames.clear();
+        run.drivers.clear();
+        run.leaving = None;
         run.handling.clear();
         run.cleanups.clear();
         for (waiting, token) in std::mem::take(&mut run.tasks.get_mut(id).joiners) {
