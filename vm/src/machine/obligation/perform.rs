@@ -287,9 +287,21 @@ impl Machine {
         let inside = |site: SiteId| {
             program.forms_outward(program.sites[site.at()].form).any(|(form, _)| form == clauses)
         };
-        let is_of = |key: &Key| {
-            let steps = run.tree.keys.steps(key.chain);
+        let tree = &run.tree;
+        let called_inside = |key: &Key| {
+            let steps = tree.keys.steps(key.chain);
             inside(key.site) || steps.iter().any(|it| matches!(it, Step::Call(site) if inside(*site)))
+        };
+        // What edits put beside a call of the handler is part of it.
+        let edits: Vec<u32> = tree
+            .children(tree.record(rec).slot)
+            .into_iter()
+            .filter(|child| called_inside(&tree.slot(*child).key))
+            .flat_map(|child| tree.edits_of(child).iter().copied())
+            .collect();
+        let is_of = |key: &Key| {
+            let is_beside = |step: &Step| matches!(step, Step::Edit(id) if edits.contains(id));
+            called_inside(key) || tree.keys.steps(key.chain).iter().any(is_beside)
         };
         let of: Vec<Key> = counts.keys().filter(|key| is_of(key)).copied().collect();
         (of.into_iter().filter_map(|key| counts.remove_entry(&key)).collect(), journal.len())
