@@ -178,7 +178,8 @@ impl Run {
     }
 
     fn bytes(&self) -> usize {
-        self.stack.len() * size_of::<Value>() + self.frames.len() * size_of::<Frame>() + self.tree.bytes()
+        let frames = self.frames.len() * size_of::<Frame>();
+        self.stack.len() * size_of::<Value>() + frames + self.tasks.bytes() + self.tree.bytes()
     }
 }
 
@@ -224,6 +225,8 @@ pub struct Machine {
     spent: Option<Value>,
     /// The fuel limit has been met: only clean-ups run.
     last_fuel: bool,
+    /// By how many parts of a limit the run was over it when that was said last.
+    told_over: usize,
     /// The host is told of starts and ends.
     tells: bool,
     /// Ends of paths: a task that begins there stops the run.
@@ -261,6 +264,7 @@ impl Machine {
             fresh: 0,
             spent: None,
             last_fuel: false,
+            told_over: 0,
             tells: false,
             breaks: Vec::new(),
             broke: None,
@@ -472,9 +476,30 @@ impl Machine {
         failure
     }
 
+    /// Looks at the limits between two rounds. A round in which nobody used up his quantum is short, so who has
+    /// been told there is told again only when there is a good deal more: a clean-up needs some rounds.
+    fn check_memory_again(&mut self, busy: bool) -> Result<(), Raise> {
+        const PARTS: usize = 16;
+        let parts = |used: usize, limit: usize| match used.saturating_sub(limit) {
+            0 => 0,
+            more => 1 + more / (limit / PARTS).max(1),
+        };
+        let over = parts(self.bytes(), self.limits.memory).max(parts(self.nodes(), self.limits.nodes));
+        let is_news = over > self.told_over;
+        self.told_over = if over == 0 { 0 } else { over.max(self.told_over) };
+        if busy || is_news { self.check_memory() } else { Ok(()) }
+    }
+
+    fn bytes(&self) -> usize {
+        live::bytes() + self.runs.iter().map(Run::bytes).sum::<usize>()
+    }
+
+    fn nodes(&self) -> usize {
+        self.runs.iter().map(|run| run.tree.len()).sum()
+    }
+
     fn check_memory(&self) -> Result<(), Raise> {
-        let bytes = live::bytes() + self.runs.iter().map(Run::bytes).sum::<usize>();
-        if bytes > self.limits.memory {
+        if self.bytes() > self.limits.memory {
             return Err(self.over(
                 Builtin::MemoryExhausted,
                 "the run takes more than",
@@ -482,8 +507,7 @@ impl Machine {
                 "bytes",
             ));
         }
-        let nodes: usize = self.runs.iter().map(|run| run.tree.len()).sum();
-        if nodes > self.limits.nodes {
+        if self.nodes() > self.limits.nodes {
             return Err(self.over(
                 Builtin::TreeTooLarge,
                 "the tree has more than",

@@ -232,6 +232,13 @@ impl Tasks {
         task.is_some_and(|task| task.token == token && matches!(task.state, State::Waiting(_)))
     }
 
+    /// About how much memory they take.
+    pub(super) fn bytes(&self) -> usize {
+        const REGISTERS: usize = 16;
+        let task = size_of::<Task>() + size_of::<Parked>() + REGISTERS * size_of::<Value>();
+        self.all.len() * task
+    }
+
     /// Forgets tasks that have ended and that nobody can name, as far as they are the last ones: their
     /// numbers serve again.
     pub(super) fn reclaim(&mut self) {
@@ -688,7 +695,9 @@ impl Machine {
         if let Err(differs) = self.answer_all(host) {
             return self.interrupt(host, Box::new(Failure::new(Builtin::ProgramError, differs)));
         }
-        if busy && let Err(raise) = self.check_memory().and_then(|()| self.check_cleanups()) {
+        let full = self.check_memory_again(busy);
+        let checked = if busy { full.and_then(|()| self.check_cleanups()) } else { full };
+        if let Err(raise) = checked {
             let outcome = self.interrupt(host, raise);
             if outcome.is_some() {
                 return outcome;
