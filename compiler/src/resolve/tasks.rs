@@ -70,7 +70,7 @@ impl Compiler<'_> {
         let list = self.expr(scope, &parts[1]);
         let params = Form { kind: FormKind::List(vec![parts[0].clone()]), ..head.clone() };
         let params = self.param_forms(&params);
-        let mut function = self.branch_function(scope, &params, body, form.span);
+        let mut function = self.inner_function(scope, FnKind::Branch, &params, body, form.span);
         function.name = Symbol::from(kind.word());
         fork(kind, list, vec![(function.name, function)], form.span)
     }
@@ -172,7 +172,7 @@ impl Compiler<'_> {
     ) -> (Symbol, Function) {
         let named = branch.tag.map(|(name, _)| name).or(branch.node);
         let name = named.unwrap_or_else(|| Symbol::from(kind.word()));
-        let mut function = self.branch_function(scope, params, branch.body, branch.span);
+        let mut function = self.inner_function(scope, FnKind::Branch, params, branch.body, branch.span);
         function.name = name;
         (name, function)
     }
@@ -231,16 +231,6 @@ impl Compiler<'_> {
         }
         let span = expr.span;
         self.native_call("%read", vec![Some(expr)], span)
-    }
-
-    fn branch_function(
-        &mut self,
-        scope: &mut Scope,
-        params: &ParamForms,
-        body: &[Form],
-        span: Span,
-    ) -> Function {
-        self.inner_function(scope, FnKind::Branch, params, body, span)
     }
 }
 
