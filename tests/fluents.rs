@@ -5,7 +5,8 @@
 //! beside a new one; and those are woken whom the model wakes, in the next round.
 
 use pleach::{Options, Session};
-use vm::random::mix;
+
+use crate::dice::Dice;
 
 /// Programs of so many changes each.
 const PROGRAMS: u64 = 250;
@@ -118,7 +119,7 @@ struct Waiter {
 
 /// Fluents in the order of their making: cells first.
 struct Model {
-    state: u64,
+    dice: Dice,
     cells: usize,
     derived: Vec<(Expression, usize, usize)>,
     values: Vec<Held>,
@@ -135,7 +136,7 @@ fn name(fluent: usize) -> String {
 impl Model {
     fn new(seed: u64) -> Model {
         let mut it = Model {
-            state: mix(seed ^ 0xF1),
+            dice: Dice::new(seed ^ 0xF1),
             cells: 0,
             derived: Vec::new(),
             values: Vec::new(),
@@ -143,42 +144,37 @@ impl Model {
             waiters: Vec::new(),
             expected: Vec::new(),
         };
-        it.cells = 1 + it.below(4);
+        it.cells = 1 + it.dice.below(4);
         for _ in 0..it.cells {
             let value = it.value();
             it.values.push(value);
         }
-        for _ in 0..1 + it.below(10) {
+        for _ in 0..1 + it.dice.below(10) {
             let known = it.values.len();
-            let (a, b) = (it.below(known), it.below(known));
-            let expression = EXPRESSIONS[it.below(EXPRESSIONS.len())];
+            let (a, b) = (it.dice.below(known), it.dice.below(known));
+            let expression = EXPRESSIONS[it.dice.below(EXPRESSIONS.len())];
             it.derived.push((expression, a, b));
             it.values.push(expression.of(&it.values[a], &it.values[b]));
         }
         let known = it.values.len();
-        for _ in 0..it.below(4) {
-            let missed = [Missed::Never, Missed::Once, Missed::Always][it.below(3)];
-            let of = it.below(known);
+        for _ in 0..it.dice.below(4) {
+            let missed = [Missed::Never, Missed::Once, Missed::Always][it.dice.below(3)];
+            let of = it.dice.below(known);
             let due = usize::from(it.values[of].is_true());
             it.watchers.push(Watcher { of, missed, due });
         }
-        for _ in 0..it.below(4) {
-            let of = it.below(known);
+        for _ in 0..it.dice.below(4) {
+            let of = it.dice.below(known);
             let woken = Some(it.values[of].clone()).filter(Held::is_true);
             it.waiters.push(Waiter { of, for_true: true, woken });
         }
         it
     }
 
-    fn below(&mut self, n: usize) -> usize {
-        self.state = self.state.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        (mix(self.state) % n as u64) as usize
-    }
-
     fn value(&mut self) -> Held {
-        match self.below(3) {
-            0 => Held::Bool(self.below(2) == 0),
-            _ => Held::Int(self.below(4) as i64),
+        match self.dice.below(3) {
+            0 => Held::Bool(self.dice.below(2) == 0),
+            _ => Held::Int(self.dice.below(4) as i64),
         }
     }
 
@@ -238,8 +234,8 @@ impl Model {
         // Few changes in one turn: it must not use up its quantum.
         let mut in_turn = 0;
         for _ in 0..CHANGES {
-            let cell = self.below(self.cells);
-            if self.below(5) == 0 {
+            let cell = self.dice.below(self.cells);
+            if self.dice.below(5) == 0 {
                 out += &format!("(pulse {cell})");
                 self.pulse(cell);
             } else {
@@ -248,7 +244,7 @@ impl Model {
                 self.set(cell, value);
             }
             in_turn += 1;
-            if in_turn == 4 || self.below(2) == 0 {
+            if in_turn == 4 || self.dice.below(2) == 0 {
                 in_turn = 0;
                 out += "(sleep)";
                 self.sleeps();

@@ -12,6 +12,7 @@ mod arrows;
 mod cmd;
 mod concurrency;
 mod diagnostics;
+mod dice;
 mod docs;
 mod expected;
 mod fluents;

@@ -4,13 +4,14 @@
 //! limited time, mostly. Each `unwind-protect` has a number: its body prints `enter N`, its clean-up
 //! `clean N`; one that cannot fail then prints `begin N`, sleeps, and prints `done N`.
 
-use vm::random::mix;
+use crate::dice::Dice;
 
 /// What comes after [`HEAD`]: plans, and `main`. It may read the file `path`.
 #[must_use]
 pub fn random_program(seed: u64, path: &str) -> String {
     let busy = seed.is_multiple_of(3);
-    let mut it = Generator { state: mix(seed ^ 0xC0), names: 0, size: 0, plans: 0, busy, path: path.into() };
+    let mut it =
+        Generator { dice: Dice::new(seed ^ 0xC0), names: 0, size: 0, plans: 0, busy, path: path.into() };
     it.program(seed % 4 == 1)
 }
 
@@ -34,7 +35,7 @@ struct Scope {
 }
 
 struct Generator {
-    state: u64,
+    dice: Dice,
     names: usize,
     /// What is left of the size of the plan that is being made.
     size: usize,
@@ -67,18 +68,8 @@ pub const HEAD: &str = "\
 ";
 
 impl Generator {
-    fn below(&mut self, n: usize) -> usize {
-        self.state = self.state.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        (mix(self.state) % n as u64) as usize
-    }
-    fn chance(&mut self, percent: usize) -> bool {
-        self.below(100) < percent
-    }
-    fn pick<'a>(&mut self, items: &[&'a str]) -> &'a str {
-        items[self.below(items.len())]
-    }
     fn one_of(&mut self, items: &[String]) -> String {
-        items[self.below(items.len())].clone()
+        items[self.dice.below(items.len())].clone()
     }
     fn fresh(&mut self, stem: &str) -> String {
         self.names += 1;
@@ -88,7 +79,7 @@ impl Generator {
     // ------------------------------------------------------------------ programs
 
     fn program(&mut self, edited: bool) -> String {
-        self.plans = 1 + self.below(3);
+        self.plans = 1 + self.dice.below(3);
         let mut out = String::new();
         for number in 0..self.plans {
             self.size = 20;
@@ -108,7 +99,7 @@ impl Generator {
 
     fn edited_main(&mut self) -> String {
         let (mut bindings, mut tree) = (String::new(), String::from("t"));
-        for number in 0..1 + self.below(4) {
+        for number in 0..1 + self.dice.below(4) {
             bindings += &format!(" (t{number} (try-edit {tree} (lambda () {})))", self.edit());
             tree = format!("t{number}");
         }
@@ -119,22 +110,22 @@ impl Generator {
     }
 
     fn edit(&mut self) -> String {
-        let place = |it: &mut Self| format!("(pick t {})", it.below(40));
+        let place = |it: &mut Self| format!("(pick t {})", it.dice.below(40));
         let at = place(self);
-        let code = self.pick(&[
+        let code = self.dice.pick(&[
             "(leaf 8)",
             "(nap 0.002)",
             "(print 'edit)",
             "(fail f1 :what 9)",
             "(par (leaf 6) (nap 0.001))",
         ]);
-        let around = match self.below(4) {
+        let around = match self.dice.below(4) {
             0 => "(original)".to_string(),
             1 => format!("(par (original) {code})"),
             2 => format!("(pursue (original) (seq (sleep 0.004) {code}))"),
             _ => format!("(seq {code} (original))"),
         };
-        match self.below(11) {
+        match self.dice.below(11) {
             0 => format!("(skip {at})"),
             1 => format!("(before {at} '{code})"),
             2 => format!("(after {at} '{code})"),
@@ -149,7 +140,7 @@ impl Generator {
     // ------------------------------------------------------------------ statements
 
     fn body(&mut self, scope: &Scope, depth: usize) -> String {
-        let count = 1 + self.below(3);
+        let count = 1 + self.dice.below(3);
         (0..count).map(|_| self.statement(scope, depth)).collect::<Vec<_>>().join(" ")
     }
 
@@ -164,7 +155,7 @@ impl Generator {
         }
         self.size -= 1;
         let inner = depth - 1;
-        match self.below(28) {
+        match self.dice.below(28) {
             0..=5 => self.parallel(scope, inner),
             6 => self.partial_order(scope, inner),
             7 => self.parallel_loop(scope, inner),
@@ -193,21 +184,21 @@ impl Generator {
                 let name = self.fresh("y");
                 let mut inside = Scope { loops: scope.loops + 1, ..closed(scope) };
                 inside.numbers.push(name.clone());
-                format!("(map (lambda ({name}) {}) {})", self.body(&inside, inner), self.pick(LISTS))
+                format!("(map (lambda ({name}) {}) {})", self.body(&inside, inner), self.dice.pick(LISTS))
             }
             _ => self.leaf(scope),
         }
     }
 
     fn leaf(&mut self, scope: &Scope) -> String {
-        match self.below(26) {
-            0 | 1 => format!("(print '{} {})", self.pick(&["x", "y", "z"]), self.number(scope)),
+        match self.dice.below(26) {
+            0 | 1 => format!("(print '{} {})", self.dice.pick(&["x", "y", "z"]), self.number(scope)),
             2 | 3 => format!("(sleep {})", self.seconds()),
             4 => format!("(nap {})", self.seconds()),
             5 => format!(
                 "(when {} (fail {} :what {}))",
                 self.test(scope),
-                self.pick(&["f1", "f2"]),
+                self.dice.pick(&["f1", "f2"]),
                 self.number(scope)
             ),
             6 => format!("(when {} (first 5))", self.test(scope)),
@@ -217,27 +208,31 @@ impl Generator {
                 let fluent = self.one_of(&scope.fluents);
                 format!("(print 'waited (wait-for {fluent} :timeout {}))", self.seconds())
             }
-            12 if self.chance(30) => format!("(wait-for {})", self.one_of(&scope.fluents)),
+            12 if self.dice.chance(30) => format!("(wait-for {})", self.one_of(&scope.fluents)),
             13..=16 if !scope.tasks.is_empty() => self.act_on(scope),
             17 if scope.from < self.plans => {
-                let plan = scope.from + self.below(self.plans - scope.from);
+                let plan = scope.from + self.dice.below(self.plans - scope.from);
                 format!("(p{plan} {} {})", self.number(scope), self.one_of(&scope.cells))
             }
             18 if scope.can_return => format!("(when {} (return {}))", self.test(scope), self.number(scope)),
             19 if scope.in_clause => "(propagate)".into(),
-            20 if self.chance(30) => format!("(print (length (read-file \"{}\")))", self.path),
+            20 if self.dice.chance(30) => format!("(print (length (read-file \"{}\")))", self.path),
             21 => format!("(print (value {}))", self.one_of(&scope.fluents)),
             22 => format!("(through {} {})", self.number(scope), self.one_of(&scope.cells)),
             23 => {
-                let (action, fluent) = (self.pick(&["act0", "act1"]), self.one_of(&scope.fluents));
-                let goal =
-                    self.pick(&["", " :goal (= (random 3) 0)", " :goal (value FLUENT)", " :goal FLUENT"]);
+                let (action, fluent) = (self.dice.pick(&["act0", "act1"]), self.one_of(&scope.fluents));
+                let goal = self.dice.pick(&[
+                    "",
+                    " :goal (= (random 3) 0)",
+                    " :goal (value FLUENT)",
+                    " :goal FLUENT",
+                ]);
                 let goal = goal.replace("FLUENT", &fluent);
                 format!("(perform (an action (type {action}) (x ,{})){goal})", self.number(scope))
             }
             24 if scope.from < self.plans && scope.loops == 0 => {
                 // A run of its own, while the other tasks of this one stand still.
-                let plan = scope.from + self.below(self.plans - scope.from);
+                let plan = scope.from + self.dice.below(self.plans - scope.from);
                 format!("(print (tree-status (run-plan p{plan} :args (list 2 (fluent nil)))))")
             }
             _ => format!("(leaf {})", self.number(scope)),
@@ -246,7 +241,7 @@ impl Generator {
 
     fn act_on(&mut self, scope: &Scope) -> String {
         let task = self.one_of(&scope.tasks);
-        match self.below(8) {
+        match self.dice.below(8) {
             0 | 1 => format!("(evaporate {task})"),
             2 => format!("(suspend {task})"),
             3 => format!("(seq (suspend {task}) (sleep {}) (wake-up {task}))", self.seconds()),
@@ -258,7 +253,7 @@ impl Generator {
     }
 
     fn parallel(&mut self, scope: &Scope, depth: usize) -> String {
-        let form = self.pick(&["par", "par", "pursue", "try-all", "try-in-order"]);
+        let form = self.dice.pick(&["par", "par", "pursue", "try-all", "try-in-order"]);
         let (branches, _) = self.branches(scope, depth, 40);
         format!("({form} {})", branches.join(" "))
     }
@@ -267,8 +262,8 @@ impl Generator {
         let (branches, tags) = self.branches(scope, depth, 100);
         let mut orders = String::new();
         for later in 1..tags.len() {
-            if self.chance(60) {
-                orders += &format!(" (:order {} {})", tags[self.below(later)], tags[later]);
+            if self.dice.chance(60) {
+                orders += &format!(" (:order {} {})", tags[self.dice.below(later)], tags[later]);
             }
         }
         format!("(partial-order ({}){orders})", branches.join(" "))
@@ -277,7 +272,7 @@ impl Generator {
     /// Branches of a parallel form, so many of a hundred with tags, and the tags.
     fn branches(&mut self, scope: &Scope, depth: usize, tagged: usize) -> (Vec<String>, Vec<String>) {
         let tags: Vec<Option<String>> =
-            (0..2 + self.below(2)).map(|_| self.chance(tagged).then(|| self.fresh("t"))).collect();
+            (0..2 + self.dice.below(2)).map(|_| self.dice.chance(tagged).then(|| self.fresh("t"))).collect();
         let mut inner = closed(scope);
         inner.tasks.extend(tags.iter().flatten().cloned());
         let branches = tags.iter().map(|tag| {
@@ -288,7 +283,8 @@ impl Generator {
     }
 
     fn parallel_loop(&mut self, scope: &Scope, depth: usize) -> String {
-        let (form, list, name) = (self.pick(&["par-loop", "try-each"]), self.pick(LISTS), self.fresh("v"));
+        let (form, list, name) =
+            (self.dice.pick(&["par-loop", "try-each"]), self.dice.pick(LISTS), self.fresh("v"));
         let inner = Scope { loops: scope.loops + 1, ..closed(scope) };
         format!("({form} ({name} {list}) (print 'round {name}) {})", self.body(&inner, depth))
     }
@@ -299,7 +295,7 @@ impl Generator {
         let number = self.names;
         // Nor in a plan that it calls.
         let inner = Scope { in_clean_up: true, can_return: false, from: self.plans, ..scope.clone() };
-        match self.below(3) {
+        match self.dice.below(3) {
             // No clean-up inside of another one: that has only what is left of the other's time.
             0 if !scope.in_clean_up => format!("(protect-well {number} {body} {})", self.seconds()),
             1 => format!("(protect {number} {body} (nap {}))", self.seconds()),
@@ -312,14 +308,14 @@ impl Generator {
         let body = self.body(&Scope { in_clause: false, ..scope.clone() }, depth);
         let mut clause = Scope { can_return: true, in_clause: true, ..scope.clone() };
         clause.counters.push(counter.clone());
-        let first = if self.chance(40) { self.statement(&clause, depth.min(2)) } else { String::new() };
-        let last = match self.below(5) {
+        let first = if self.dice.chance(40) { self.statement(&clause, depth.min(2)) } else { String::new() };
+        let last = match self.dice.below(5) {
             0 | 1 => format!("(do-retry {counter} (retry))"),
             2 => format!("(return {})", self.number(scope)),
             3 => "(fail f1 :what 7)".into(),
             _ => String::new(),
         };
-        let (kind, count) = (self.pick(FAILURES), self.below(3));
+        let (kind, count) = (self.dice.pick(FAILURES), self.dice.below(3));
         format!(
             "(with-retry-counters (({counter} {count})) (with-failure-handling (({kind} (e) {first} {last})) {body}))"
         )
@@ -330,13 +326,13 @@ impl Generator {
         let (a, b) = (self.one_of(&scope.fluents), self.one_of(&scope.fluents));
         let mut inner = scope.clone();
         inner.fluents.push(name.clone());
-        let value = match self.below(6) {
+        let value = match self.dice.below(6) {
             0 => format!("(fl (not {a}))"),
             1 => format!("(fl (and {a} {b}))"),
             2 => format!("(fl (or {a} (equal? {b} 2)))"),
             3 => format!(
                 "(fl-pulsed {a} :handle-missed-pulses {})",
-                self.pick(&[":never", ":once", ":always"])
+                self.dice.pick(&[":never", ":once", ":always"])
             ),
             _ => {
                 inner.cells.push(name.clone());
@@ -358,11 +354,11 @@ impl Generator {
         let name = self.fresh("i");
         let mut inner = Scope { can_return: true, loops: scope.loops + 1, ..scope.clone() };
         inner.numbers.push(name.clone());
-        if self.chance(50) {
-            let list = self.pick(LISTS);
+        if self.dice.chance(50) {
+            let list = self.dice.pick(LISTS);
             return format!("(dolist ({name} {list}) {})", self.body(&inner, depth));
         }
-        let rounds = if scope.loops > 0 { 2 } else { 1 + self.below(3) };
+        let rounds = if scope.loops > 0 { 2 } else { 1 + self.dice.below(3) };
         format!("(dotimes ({name} {rounds}) {})", self.body(&inner, depth))
     }
 
@@ -370,31 +366,31 @@ impl Generator {
 
     fn seconds(&mut self) -> &'static str {
         match self.busy {
-            true => self.pick(&["0", "0.001", "0.002", "0.003", "0.005"]),
-            false => self.pick(&["0", "0.001", "0.001", "0.002", "0.003", "0.5", "1", "1", "2"]),
+            true => self.dice.pick(&["0", "0.001", "0.002", "0.003", "0.005"]),
+            false => self.dice.pick(&["0", "0.001", "0.001", "0.002", "0.003", "0.5", "1", "1", "2"]),
         }
     }
 
     /// What a fluent is given.
     fn setting(&mut self, scope: &Scope) -> String {
-        match self.below(4) {
-            0 | 1 => self.pick(&["nil", "true", "false"]).into(),
+        match self.dice.below(4) {
+            0 | 1 => self.dice.pick(&["nil", "true", "false"]).into(),
             _ => self.number(scope),
         }
     }
 
     fn test(&mut self, scope: &Scope) -> String {
-        match self.below(4) {
+        match self.dice.below(4) {
             0 => format!("(value {})", self.one_of(&scope.fluents)),
             1 => format!("(equal? {} {})", self.number(scope), self.number(scope)),
-            _ => format!("(= (random {}) 0)", 2 + self.below(3)),
+            _ => format!("(= (random {}) 0)", 2 + self.dice.below(3)),
         }
     }
 
     fn number(&mut self, scope: &Scope) -> String {
-        match self.below(4) {
-            0 => format!("(random {})", 1 + self.below(5)),
-            1 => self.below(4).to_string(),
+        match self.dice.below(4) {
+            0 => format!("(random {})", 1 + self.dice.below(5)),
+            1 => self.dice.below(4).to_string(),
             _ => self.one_of(&scope.numbers),
         }
     }

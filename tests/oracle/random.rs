@@ -3,7 +3,7 @@
 //! Each definition calls only later ones, so nothing recurses without end; loops count; a `retry`
 //! stands under a counter. All randomness comes from the seed, so a failing seed is a program.
 
-use vm::random::mix;
+use crate::dice::Dice;
 
 /// What a random program is made for.
 #[derive(Clone, Copy, PartialEq)]
@@ -20,7 +20,7 @@ pub enum Focus {
 #[must_use]
 pub fn random_program(seed: u64) -> String {
     let focus = [Focus::Plain, Focus::Edits, Focus::Obligations][(seed % 3) as usize];
-    Generator { state: mix(seed), focus, names: 0, size: 0, callables: Vec::new() }.program()
+    Generator { dice: Dice::new(seed), focus, names: 0, size: 0, callables: Vec::new() }.program()
 }
 
 /// What a variable may be used for.
@@ -69,7 +69,7 @@ struct Callable {
 }
 
 struct Generator {
-    state: u64,
+    dice: Dice,
     focus: Focus,
     names: usize,
     /// What is left of the size of the function that is being made.
@@ -97,16 +97,6 @@ const EDITING: &str = "\
 const ACTIONS: &[&str] = &["act0", "act1", "act2"];
 
 impl Generator {
-    fn below(&mut self, n: usize) -> usize {
-        self.state = self.state.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        (mix(self.state) % n as u64) as usize
-    }
-    fn chance(&mut self, percent: usize) -> bool {
-        self.below(100) < percent
-    }
-    fn pick<'a>(&mut self, items: &[&'a str]) -> &'a str {
-        items[self.below(items.len())]
-    }
     fn fresh(&mut self, stem: &str) -> String {
         self.names += 1;
         format!("{stem}{}", self.names)
@@ -115,7 +105,7 @@ impl Generator {
     // ------------------------------------------------------------------ programs
 
     fn program(&mut self) -> String {
-        for number in 0..3 + self.below(4) {
+        for number in 0..3 + self.dice.below(4) {
             let callable = self.callable(number);
             self.callables.push(callable);
         }
@@ -138,12 +128,12 @@ impl Generator {
     }
 
     fn callable(&mut self, number: usize) -> Callable {
-        let is_plan = number == 0 || self.chance(60);
+        let is_plan = number == 0 || self.dice.chance(60);
         let name = format!("{}{number}", if is_plan { "p" } else { "g" });
-        let optional = usize::from(self.chance(25));
-        let keys = if self.chance(25) { vec!["k1", "k2"] } else { Vec::new() };
-        let rest = keys.is_empty() && self.chance(15);
-        Callable { name, is_plan, required: 1 + self.below(2), optional, keys, rest }
+        let optional = usize::from(self.dice.chance(25));
+        let keys = if self.dice.chance(25) { vec!["k1", "k2"] } else { Vec::new() };
+        let rest = keys.is_empty() && self.dice.chance(15);
+        Callable { name, is_plan, required: 1 + self.dice.below(2), optional, keys, rest }
     }
 
     /// A tail call ends the forms that it stands in, which the oracle does not know: programs about
@@ -185,7 +175,7 @@ impl Generator {
             (&["(list 1)", "(list 1 2)"][required - 1], &["(list 2)", "(list 3 1)"][required - 1]);
         let mut bindings = String::new();
         let mut tree = String::from("t");
-        for number in 0..1 + self.below(5) {
+        for number in 0..1 + self.dice.below(5) {
             bindings += &format!(" (t{number} (try-edit {tree} (lambda () {})))", self.edit());
             tree = format!("t{number}");
         }
@@ -197,35 +187,39 @@ impl Generator {
     }
 
     fn edit(&mut self) -> String {
-        let at = format!("(pick t {})", self.below(60));
-        let guard = if self.chance(20) { format!(" :guard {{:a {}}}", self.below(4)) } else { String::new() };
-        if self.focus == Focus::Obligations && self.chance(65) {
+        let at = format!("(pick t {})", self.dice.below(60));
+        let guard = if self.dice.chance(20) {
+            format!(" :guard {{:a {}}}", self.dice.below(4))
+        } else {
+            String::new()
+        };
+        if self.focus == Focus::Obligations && self.dice.chance(65) {
             return self.put_off(&at, &guard);
         }
         // Nor from below a call that is wrapped.
-        match self.below(if self.focus == Focus::Obligations { 9 } else { 12 }) {
+        match self.dice.below(if self.focus == Focus::Obligations { 9 } else { 12 }) {
             0 => format!("(skip {at}{guard})"),
-            1 => format!("(skip {at} :value {}{guard})", self.below(9)),
+            1 => format!("(skip {at} :value {}{guard})", self.dice.below(9)),
             2..=4 => format!("(replace {at} '{}{guard})", self.edit_code(true)),
             5 => format!("(before {at} '{}{guard})", self.edit_code(false)),
             6 => format!("(after {at} '{}{guard})", self.edit_code(false)),
             7 | 8 => {
-                let key = self.pick(&["a", "b", "x", "o"]);
-                format!("(with-param {at} :{key} {}{guard})", self.below(9))
+                let key = self.dice.pick(&["a", "b", "x", "o"]);
+                format!("(with-param {at} :{key} {}{guard})", self.dice.below(9))
             }
             _ => format!("(wrap {at} '{}{guard})", self.edit_code(true)),
         }
     }
 
     fn put_off(&mut self, at: &str, guard: &str) -> String {
-        let one = |it: &mut Self| format!("(pick-below t {})", it.below(60));
+        let one = |it: &mut Self| format!("(pick-below t {})", it.dice.below(60));
         let at = at.replace("(pick ", "(pick-below ");
-        if self.chance(20) {
-            let (code, name) = (self.edit_code(false), self.pick(&["due", "debt"]));
+        if self.dice.chance(20) {
+            let (code, name) = (self.edit_code(false), self.dice.pick(&["due", "debt"]));
             let after = format!("(list {} {} {})", one(self), one(self), one(self));
             return format!("(owe {at} '{code} :after {after} :as '{name}{guard})");
         }
-        let after = match self.below(4) {
+        let after = match self.dice.below(4) {
             0 => format!("(list {} {})", one(self), one(self)),
             _ => one(self),
         };
@@ -233,17 +227,17 @@ impl Generator {
     }
 
     fn edit_code(&mut self, original: bool) -> String {
-        let call = match self.below(5) {
+        let call = match self.dice.below(5) {
             0 => "(leaf 8)".to_string(),
             1 => "(leaf a)".into(),
             2 => "(fail f1 :what 9)".into(),
-            3 => format!("(dolist (x '(1 2 1)) (when (< x {}) (leaf x)))", self.below(4)),
+            3 => format!("(dolist (x '(1 2 1)) (when (< x {}) (leaf x)))", self.dice.below(4)),
             _ => "(print 'edit)".into(),
         };
         if !original {
             return call;
         }
-        match self.below(10) {
+        match self.dice.below(10) {
             0 => "(original)".into(),
             1 => format!("(seq {call} (original))"),
             2 => "(seq (original) (original))".into(),
@@ -260,7 +254,7 @@ impl Generator {
     // ------------------------------------------------------------------ statements
 
     fn body(&mut self, scope: &mut Scope, depth: usize) -> String {
-        let count = 1 + self.below(3);
+        let count = 1 + self.dice.below(3);
         let parts: Vec<String> = (0..count).map(|_| self.statement(scope, depth)).collect();
         parts.join(" ")
     }
@@ -275,7 +269,7 @@ impl Generator {
             return self.leaf(scope);
         }
         self.size -= 1;
-        match self.below(24) {
+        match self.dice.below(24) {
             0..=3 => self.call(scope),
             4 => self.if_(scope, depth),
             5 => self.let_(scope, depth),
@@ -291,19 +285,24 @@ impl Generator {
             17 => self.case(scope, depth),
             18 => {
                 let (a, b) = (self.inner(scope, depth - 1), self.inner(scope, depth - 1));
-                let word = self.pick(&["and", "or"]);
+                let word = self.dice.pick(&["and", "or"]);
                 format!("({word} (seq {a}) (seq {b}))")
             }
             19 => self.set(scope),
             20 => format!("(list {} {})", self.call(scope), self.statement(scope, depth - 1)),
-            21 => format!("({} {} {})", self.pick(&["down", "up"]), self.below(3), self.number(scope, 1)),
+            21 => format!(
+                "({} {} {})",
+                self.dice.pick(&["down", "up"]),
+                self.dice.below(3),
+                self.number(scope, 1)
+            ),
             _ => self.leaf(scope),
         }
     }
 
     fn leaf(&mut self, scope: &mut Scope) -> String {
-        match self.below(12) {
-            0 | 1 => format!("(print '{} {})", self.pick(&["a", "b", "c"]), self.number(scope, 1)),
+        match self.dice.below(12) {
+            0 | 1 => format!("(print '{} {})", self.dice.pick(&["a", "b", "c"]), self.number(scope, 1)),
             2 | 3 => self.fail(scope),
             4 => self.call(scope),
             5 if scope.can_return => {
@@ -311,7 +310,7 @@ impl Generator {
             }
             6 if scope.in_clause => "(propagate)".into(),
             7 if !scope.counters.is_empty() && scope.in_clause => {
-                let counter = scope.counters[self.below(scope.counters.len())].clone();
+                let counter = scope.counters[self.dice.below(scope.counters.len())].clone();
                 format!("(do-retry {counter} (retry))")
             }
             8 => self.set(scope),
@@ -323,13 +322,13 @@ impl Generator {
         let failures: Vec<String> =
             scope.vars.iter().filter(|var| var.kind == Kind::Failure).map(|var| var.name.clone()).collect();
         let what = self.number(scope, 1);
-        let form = match self.below(8) {
-            0 if !failures.is_empty() => format!("(fail {})", failures[self.below(failures.len())]),
+        let form = match self.dice.below(8) {
+            0 if !failures.is_empty() => format!("(fail {})", failures[self.dice.below(failures.len())]),
             1 => format!("(fail (make-failure f1 :what {what}))"),
             2 => "(first 5)".into(),
-            _ => format!("(fail {} :what {what})", self.pick(&["f1", "f2", "f3", "plan-failure"])),
+            _ => format!("(fail {} :what {what})", self.dice.pick(&["f1", "f2", "f3", "plan-failure"])),
         };
-        if self.chance(25) { form } else { format!("(when {} {form})", self.test(scope)) }
+        if self.dice.chance(25) { form } else { format!("(when {} {form})", self.test(scope)) }
     }
 
     fn set(&mut self, scope: &mut Scope) -> String {
@@ -338,14 +337,14 @@ impl Generator {
         if names.is_empty() {
             return self.number(scope, 1);
         }
-        let name = names[self.below(names.len())].clone();
+        let name = names[self.dice.below(names.len())].clone();
         format!("(set! {name} {})", self.number(scope, 2))
     }
 
     fn if_(&mut self, scope: &mut Scope, depth: usize) -> String {
         let test = self.test(scope);
         let (a, b) = (self.inner(scope, depth - 1), self.inner(scope, depth - 1));
-        match self.below(4) {
+        match self.dice.below(4) {
             0 => format!("(when {test} {a})"),
             1 => format!("(unless {test} {a})"),
             2 => format!("(cond ({test} {a}) ({} {b}) (true nil))", self.test(scope)),
@@ -361,9 +360,9 @@ impl Generator {
     }
 
     fn let_(&mut self, scope: &mut Scope, depth: usize) -> String {
-        let changes = self.chance(50);
+        let changes = self.dice.chance(50);
         let name = self.fresh(if changes { "m" } else { "v" });
-        let value = if self.chance(40) { self.call(scope) } else { self.number(scope, 2) };
+        let value = if self.dice.chance(40) { self.call(scope) } else { self.number(scope, 2) };
         let mut inner = scope.clone();
         // What a call returns may be anything.
         inner.vars.push(Var { name: name.clone(), kind: Kind::Number, changes });
@@ -381,18 +380,18 @@ impl Generator {
 
     fn counted_loop(&mut self, scope: &mut Scope, depth: usize) -> String {
         let name = self.fresh("i");
-        let rounds = if scope.loops > 0 { 1 + self.below(2) } else { 1 + self.below(3) };
+        let rounds = if scope.loops > 0 { 1 + self.dice.below(2) } else { 1 + self.dice.below(3) };
         let mut inner = scope.clone();
         inner.vars.push(Var { name: name.clone(), kind: Kind::Number, changes: false });
         (inner.can_return, inner.loops) = (true, scope.loops + 1);
-        if self.chance(50) {
+        if self.dice.chance(50) {
             let result = self.number(scope, 1);
             return format!("(dotimes ({name} {rounds} {result}) {})", self.body(&mut inner, depth - 1));
         }
         // Functions must not capture a variable that changes.
         inner.vars.pop();
         let body = self.body(&mut inner, depth - 1);
-        if self.chance(50) {
+        if self.dice.chance(50) {
             format!("(let (({name} 0)) (while (< {name} {rounds}) (set! {name} (+ {name} 1)) {body}))")
         } else {
             format!(
@@ -408,24 +407,27 @@ impl Generator {
         // What `(propagate)` means in a body that stands in a clause is an open question.
         let body = self.body(&mut Scope { in_clause: false, ..scope.clone() }, depth - 1);
         let mut clauses = String::new();
-        for _ in 0..1 + self.below(2) {
+        for _ in 0..1 + self.dice.below(2) {
             let name = self.fresh("e");
-            let kind = match self.below(8) {
+            let kind = match self.dice.below(8) {
                 0 => "(or f2 program-error)",
-                _ => self.pick(FAILURES),
+                _ => self.dice.pick(FAILURES),
             };
             let mut clause = inner.clone();
             clause.vars.push(Var { name: name.clone(), kind: Kind::Failure, changes: false });
             (clause.can_return, clause.in_clause) = (true, true);
-            let first =
-                if self.chance(30) { self.body(&mut clause, depth.saturating_sub(2)) } else { String::new() };
-            let second = match self.below(6) {
+            let first = if self.dice.chance(30) {
+                self.body(&mut clause, depth.saturating_sub(2))
+            } else {
+                String::new()
+            };
+            let second = match self.dice.below(6) {
                 0 | 1 => format!("(do-retry {counter} (retry))"),
                 2 => format!("(do-retry {counter} (print 'again) (retry))"),
                 3 => "(propagate)".into(),
                 _ => String::new(),
             };
-            let third = match self.below(6) {
+            let third = match self.dice.below(6) {
                 0 | 1 => format!("(return {})", self.number(&clause, 1)),
                 2 => format!("(fail f2 :what {})", self.number(&clause, 1)),
                 3 => format!("(fail {name})"),
@@ -433,7 +435,7 @@ impl Generator {
             };
             clauses += &format!("({kind} ({name}) {first} {second} {third})");
         }
-        let count = self.below(3);
+        let count = self.dice.below(3);
         format!("(with-retry-counters (({counter} {count})) (with-failure-handling ({clauses}) {body}))")
     }
 
@@ -447,7 +449,7 @@ impl Generator {
         let body = self.body(&mut inner, depth - 1);
         let list = self.list(scope);
         let lambda = format!("(lambda ({name}) {body}{})", self.no_tail(&format!(" {name}")));
-        match self.below(6) {
+        match self.dice.below(6) {
             0 | 1 => format!("(map {lambda} {list})"),
             2 => format!("(funcall {lambda} {})", self.number(scope, 1)),
             3 => {
@@ -462,11 +464,11 @@ impl Generator {
     }
 
     fn perform(&mut self, scope: &mut Scope) -> String {
-        let action = self.pick(ACTIONS);
+        let action = self.dice.pick(ACTIONS);
         // What `act1` grounds to may be called by earlier definitions only.
         let last = self.callables.iter().rposition(|it| it.is_plan).unwrap_or(0);
         let action = if action == "act1" && scope.from > last { "act0" } else { action };
-        let goal = match self.below(5) {
+        let goal = match self.dice.below(5) {
             0 => " :goal (= (random 2) 0)",
             1 => " :goal false",
             2 => " :goal (= (random 3) 0)",
@@ -480,30 +482,30 @@ impl Generator {
     fn call(&mut self, scope: &Scope) -> String {
         let functions: Vec<String> =
             scope.vars.iter().filter(|var| var.kind == Kind::Function).map(|var| var.name.clone()).collect();
-        if !functions.is_empty() && self.chance(40) {
-            let f = functions[self.below(functions.len())].clone();
+        if !functions.is_empty() && self.dice.chance(40) {
+            let f = functions[self.dice.below(functions.len())].clone();
             return format!("({f} {})", self.number(scope, 1));
         }
         let later = self.callables.len() - scope.from;
-        if later == 0 || self.chance(20) {
+        if later == 0 || self.dice.chance(20) {
             return format!("(leaf {})", self.number(scope, 1));
         }
-        let at = scope.from + self.below(later);
+        let at = scope.from + self.dice.below(later);
         let Callable { name, required, optional, keys, rest, .. } = self.callables[at].clone();
         let mut args: Vec<String> = (0..required).map(|_| self.number(scope, 1)).collect();
-        let all_optional = optional == 0 || self.chance(50);
+        let all_optional = optional == 0 || self.dice.chance(50);
         if optional > 0 && all_optional {
             args.push(self.number(scope, 1));
         }
         if all_optional && !keys.is_empty() {
             for key in ["k1", "k2"] {
-                if self.chance(40) {
+                if self.dice.chance(40) {
                     args.push(format!(":{key} {}", self.number(scope, 1)));
                 }
             }
         }
         if all_optional && rest {
-            for _ in 0..self.below(3) {
+            for _ in 0..self.dice.below(3) {
                 args.push(self.number(scope, 1));
             }
         }
@@ -513,13 +515,13 @@ impl Generator {
     // ------------------------------------------------------------------ expressions
 
     fn test(&mut self, scope: &Scope) -> String {
-        match self.below(8) {
-            0..=2 => format!("(= (random {}) 0)", 2 + self.below(3)),
+        match self.dice.below(8) {
+            0..=2 => format!("(= (random {}) 0)", 2 + self.dice.below(3)),
             3 => format!("(equal? {} {})", self.number(scope, 1), self.number(scope, 1)),
-            4 => format!("(not (equal? {} {}))", self.number(scope, 1), self.below(3)),
+            4 => format!("(not (equal? {} {}))", self.number(scope, 1), self.dice.below(3)),
             5 => format!("(or (= (random 3) 0) (equal? {} 1))", self.number(scope, 1)),
             6 => format!("(and (< (random 3) 2) (equal? {} 1))", self.number(scope, 1)),
-            _ => self.pick(&["true", "nil", "(< (random-float) 0.5)"]).into(),
+            _ => self.dice.pick(&["true", "nil", "(< (random-float) 0.5)"]).into(),
         }
     }
 
@@ -527,29 +529,29 @@ impl Generator {
     fn number(&mut self, scope: &Scope, depth: usize) -> String {
         let vars: Vec<String> =
             scope.vars.iter().filter(|var| var.kind == Kind::Number).map(|var| var.name.clone()).collect();
-        match self.below(10) {
-            0..=4 if !vars.is_empty() => vars[self.below(vars.len())].clone(),
-            5 => format!("(random {})", 1 + self.below(5)),
+        match self.dice.below(10) {
+            0..=4 if !vars.is_empty() => vars[self.dice.below(vars.len())].clone(),
+            5 => format!("(random {})", 1 + self.dice.below(5)),
             6 if depth > 1 => {
                 format!("(list {} {})", self.number(scope, depth - 1), self.number(scope, depth - 1))
             }
-            7 if depth > 1 && self.chance(20) => format!("(+ {} 1)", self.number(scope, depth - 1)),
+            7 if depth > 1 && self.dice.chance(20) => format!("(+ {} 1)", self.number(scope, depth - 1)),
             8 if depth > 1 => {
                 format!("(equal? {} {})", self.number(scope, depth - 1), self.number(scope, depth - 1))
             }
-            _ => self.below(5).to_string(),
+            _ => self.dice.below(5).to_string(),
         }
     }
 
     fn list(&mut self, scope: &Scope) -> String {
         let lists: Vec<String> =
             scope.vars.iter().filter(|var| var.kind == Kind::List).map(|var| var.name.clone()).collect();
-        if !lists.is_empty() && self.chance(40) {
-            return lists[self.below(lists.len())].clone();
+        if !lists.is_empty() && self.dice.chance(40) {
+            return lists[self.dice.below(lists.len())].clone();
         }
         let most = if scope.loops > 0 { 2 } else { 4 };
-        let items: Vec<&str> = (0..self.below(most + 1)).map(|_| self.pick(ELEMENTS)).collect();
-        match self.below(5) {
+        let items: Vec<&str> = (0..self.dice.below(most + 1)).map(|_| self.dice.pick(ELEMENTS)).collect();
+        match self.dice.below(5) {
             0 => format!("[{}]", items.iter().map(|item| format!("'{item}")).collect::<Vec<_>>().join(" ")),
             1 => format!("(list leaf {} leaf)", self.number(scope, 1)),
             _ => format!("'({})", items.join(" ")),
