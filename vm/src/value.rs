@@ -6,7 +6,8 @@
 //!
 //! Invariants
 //! 1. Data never changes once it is made, so it never contains itself and `Rc` frees it all.
-//!    (The cells that change, [`Obj::Counter`] and [`Obj::Ranks`], never hold what holds them.)
+//!    (Of the cells that change, [`Obj::Counter`] and [`Obj::Ranks`] never hold what holds them. A
+//!    [`Obj::Fluent`] may: such a circle is kept until the process ends, and counts as memory.)
 //! 2. Dropping a value takes constant native stack, however deep it is nested.
 //! 3. Nothing here depends on addresses or on the order of interning: order is by content.
 

@@ -1,7 +1,8 @@
 //! The time of clean-ups: they cannot be stopped from outside, so they must end by themselves.
 //!
 //! A clean-up has 60 s of the task clock; one inside of another has what is left of the other's.
-//! The clock moves between rounds, so that is where the time is looked at.
+//! The clock moves between rounds, so that is where the time is looked at; for a clean-up that waits there
+//! is a timer. What a form owes that a failure leaves has its time in the same way.
 
 use crate::code::{FormKind, Pc};
 use crate::failure::{Builtin, Failure};

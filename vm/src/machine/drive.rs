@@ -2,7 +2,7 @@
 //!
 //! A plan call without goal or edits is one frame. A performed description has to be grounded
 //! and may have a goal; edits put code before, after, around or instead of a call. Such a call
-//! has a [`Driver`] that says which step is next, and a frame whose program counter is
+//! has a [`Driver`], as parallel forms and obligations have, that says which step is next, and a frame whose program counter is
 //! [`RESUME`]: when what it called returns there, [`Machine::resume`] takes the next step.
 //!
 //! ```text

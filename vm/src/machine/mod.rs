@@ -1,16 +1,19 @@
 //! The machine: runs programs, and grows their trees.
 //!
-//! A run works in *rounds*: it goes on until it has used its quantum of fuel, asks the outside
-//! for something, or ends. Between two rounds the clock moves and answers from outside enter;
-//! nothing else changes a run from outside, so its log replays to the same tree.
+//! A run works in *rounds*: each task that is ready goes on until it has used its quantum of fuel,
+//! waits, or ends. Between two rounds the clock moves and answers from outside enter; nothing else
+//! changes a run from outside, so its log replays to the same tree.
 //!
 //! [`hot`] is the loop; [`call`] what calls need beyond a frame; [`drive`] calls that take
-//! several steps (goals, grounding, edits); [`unwind`] how failures find their handlers.
+//! several steps (goals, grounding, edits); [`unwind`] how failures find their handlers, [`cleanup`]
+//! the time that clean-ups have; [`edits`] adds edits to a tree, [`obligation`] does what is put off;
+//! [`task`] gives tasks their turns, [`fork`] begins and ends them, [`fluent`] wakes them.
 //!
 //! Invariants
 //! 1. No Rust function waits for a plan: natives say what they want ([`crate::native::Next`]).
 //! 2. The machine can stop between any two instructions that cost fuel.
-//! 3. A record is ended by whoever started it: the frame of its plan, or a [`drive::Driver`].
+//! 3. A record is ended by whoever started it: the frame of its plan, a [`drive::Driver`], or, for a branch,
+//!    the end of its task.
 
 mod call;
 mod cleanup;
