@@ -1,0 +1,216 @@
+//! Clauses as the compiler reads them: what becomes rule code, what the planner of joins
+//! rearranges, and what explanations show.
+//!
+//! All names are resolved: a variable is a number, a predicate too.
+
+use crate::code::{FnId, Place};
+use crate::value::{Symbol, Value};
+
+/// A predicate: a name and a number of arguments.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default)]
+pub struct PredId(pub u32);
+
+impl PredId {
+    /// As a position in [`super::Rules::predicates`].
+    #[inline(always)]
+    #[must_use]
+    pub fn at(self) -> usize {
+        self.0 as usize
+    }
+}
+
+/// A variable of a clause: a position in [`Clause::vars`].
+pub type VarNo = u16;
+
+/// A pattern of values.
+#[derive(Debug, Clone)]
+pub enum Term {
+    /// `?x`
+    Var(VarNo),
+    /// `?_`: each stands for itself.
+    Any,
+    /// Anything without variables: `milk`, `(a b)`, `(an object (type milk))`.
+    Const(Value),
+    /// `(?x . ?xs)`
+    Pair(Box<Term>, Box<Term>),
+    /// `[?x ?y]`
+    Vector(Vec<Term>),
+    /// `{:on ?x}`: keys are constants, in the order of values.
+    Map(Vec<(Value, Term)>),
+    /// `(an object (type ?t))`: kind, and properties in the order of their keys.
+    Desc(Symbol, Vec<(Symbol, Term)>),
+}
+
+/// A number to be computed.
+#[derive(Debug, Clone)]
+pub enum Number {
+    /// A variable that holds one, or a constant.
+    Term(Term),
+    /// `(+ a b)` and its relatives, two operands each.
+    Op(Arith, Box<Number>, Box<Number>),
+}
+
+/// Arithmetic that rule code does itself. Everything else is a call of a function.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Arith {
+    /// `+`
+    Add,
+    /// `-`
+    Sub,
+    /// `*`
+    Mul,
+    /// `/`
+    Div,
+}
+
+/// How two numbers are compared.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Compare {
+    /// `<`
+    Less,
+    /// `<=`
+    LessEq,
+    /// `>`
+    More,
+    /// `>=`
+    MoreEq,
+    /// `=`, as numbers
+    Equal,
+    /// `/=`, as numbers
+    Unequal,
+}
+
+/// What is collected from the answers of a goal.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Collect {
+    /// `(findall template goal list)`: instances of the template, in the order of the answers.
+    List,
+    /// `(count goal n)`
+    Count,
+    /// `(min template goal x)`: the smallest by the order of values; no answer without any.
+    Min,
+    /// `(max template goal x)`
+    Max,
+}
+
+/// A goal and its place.
+#[derive(Debug, Clone)]
+pub struct Goal {
+    /// What it is.
+    pub kind: GoalKind,
+    /// The form that it comes from.
+    pub place: Place,
+}
+
+/// What a goal is.
+#[derive(Debug, Clone)]
+pub enum GoalKind {
+    /// `(true)`
+    True,
+    /// `(false)`
+    False,
+    /// `(cut)`: the clause is decided, and what has been found so far in it.
+    Cut,
+    /// Goals in a row.
+    And(Vec<Goal>),
+    /// `(or goal …)`
+    Or(Vec<Goal>),
+    /// `(not goal)`. Of the variables those that occur elsewhere in the clause and may be
+    /// unbound here: meeting one of them unbound is a failure `floundering`.
+    Not(Box<Goal>, Vec<VarNo>),
+    /// `(-> test then else)` commits to the first answer of the test, `(*-> …)` to its having one.
+    If {
+        /// The test.
+        test: Box<Goal>,
+        /// Then.
+        then: Box<Goal>,
+        /// Else; without one, no answer.
+        otherwise: Option<Box<Goal>>,
+        /// `*->`
+        soft: bool,
+    },
+    /// `(once goal)`
+    Once(Box<Goal>),
+    /// `(p ?x b)`
+    Call(PredId, Vec<Term>),
+    /// `(call ?goal ?more …)`: a goal that is only known when it is run, with more arguments.
+    CallValue(Term, Vec<Term>),
+    /// `(== a b)`
+    Unify(Term, Term),
+    /// `(matches pattern value)`: the value's descriptions may say more.
+    Matches(Term, Term),
+    /// `(identical? a b)`: the same without binding anything.
+    Identical(Term, Term),
+    /// `(< a b)`
+    Compare(Compare, Number, Number),
+    /// `(is ?x number)`
+    Is(Term, Number),
+    /// `(fun f args… ?result)`: the result of a pure function of these arguments.
+    Fun(FnId, Vec<Term>, Term),
+    /// `(findall template goal list)` and its relatives.
+    Collect(Collect, Term, Box<Goal>, Term),
+    /// `(bagof template goal list)`, `(setof …)`: one answer for each value of the variables of the
+    /// goal that occur in the clause around it, or are not under `(exists (?v …) goal)`.
+    Bag {
+        /// What is collected.
+        template: Term,
+        /// The variables that group the answers.
+        by: Vec<VarNo>,
+        /// The goal.
+        goal: Box<Goal>,
+        /// The list of the instances.
+        list: Term,
+        /// Sorted, without repetitions.
+        set: bool,
+    },
+    /// `(forall test goal)`: every answer of the test is one of the goal.
+    ForAll(Box<Goal>, Box<Goal>),
+}
+
+/// A clause: `(<- (head …) goal…)`.
+#[derive(Debug, Clone)]
+pub struct Clause {
+    /// What it is a clause of.
+    pub predicate: PredId,
+    /// The arguments of its head.
+    pub head: Vec<Term>,
+    /// True if the descriptions in its head match such as say more: so do those of `action-grounding`.
+    pub open: bool,
+    /// What must hold.
+    pub body: Goal,
+    /// The names of its variables.
+    pub vars: Vec<Symbol>,
+    /// Clauses of a predicate are tried by priority, the higher first; of one priority those of the text
+    /// that was loaded last come first, and within a text they come in its order.
+    pub priority: i64,
+    /// The text, counted in the order of loading.
+    pub text: u32,
+    /// The clause in the source.
+    pub place: Place,
+}
+
+/// How the clauses of a predicate are found.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Kind {
+    /// They are rules: code.
+    Rules,
+    /// They are facts of `def-facts`: rows of constants. Rules may be added.
+    Facts,
+    /// It is written in Rust.
+    Native,
+}
+
+/// What is known of a predicate when it is declared.
+#[derive(Debug, Clone)]
+pub struct Declared {
+    /// Its name, without the number of its arguments.
+    pub name: Symbol,
+    /// How many arguments it has.
+    pub arity: u8,
+    /// How its clauses are found.
+    pub kind: Kind,
+    /// `:tabled`
+    pub tabled: bool,
+    /// Its definition.
+    pub place: Place,
+}
