@@ -214,3 +214,97 @@ pub struct Declared {
     /// Its definition.
     pub place: Place,
 }
+
+impl Term {
+    /// Visits its variables, each as often as it stands there.
+    pub fn each_var(&self, visit: &mut dyn FnMut(VarNo)) {
+        match self {
+            Term::Var(var) => visit(*var),
+            Term::Any | Term::Const(_) => {}
+            Term::Pair(..) => {
+                let mut at = self;
+                while let Term::Pair(first, rest) = at {
+                    first.each_var(visit);
+                    at = rest;
+                }
+                at.each_var(visit);
+            }
+            Term::Vector(items) => items.iter().for_each(|item| item.each_var(visit)),
+            Term::Map(entries) => entries.iter().for_each(|entry| entry.1.each_var(visit)),
+            Term::Desc(_, properties) => properties.iter().for_each(|it| it.1.each_var(visit)),
+        }
+    }
+
+    /// True if this variable is part of it.
+    #[must_use]
+    pub fn has_var(&self, var: VarNo) -> bool {
+        let mut found = false;
+        self.each_var(&mut |it| found |= it == var);
+        found
+    }
+}
+
+impl Number {
+    fn each_var(&self, visit: &mut dyn FnMut(VarNo)) {
+        match self {
+            Number::Term(term) => term.each_var(visit),
+            Number::Op(_, a, b) => {
+                a.each_var(visit);
+                b.each_var(visit);
+            }
+        }
+    }
+}
+
+impl Goal {
+    /// Visits its variables, each as often as it stands there.
+    pub fn each_var(&self, visit: &mut dyn FnMut(VarNo)) {
+        match &self.kind {
+            GoalKind::True | GoalKind::False | GoalKind::Cut => {}
+            GoalKind::And(goals) | GoalKind::Or(goals) => goals.iter().for_each(|it| it.each_var(visit)),
+            GoalKind::Not(goal, _) | GoalKind::Once(goal) => goal.each_var(visit),
+            GoalKind::If { test, then, otherwise, .. } => {
+                test.each_var(visit);
+                then.each_var(visit);
+                if let Some(goal) = otherwise {
+                    goal.each_var(visit);
+                }
+            }
+            GoalKind::Call(_, args) => args.iter().for_each(|it| it.each_var(visit)),
+            GoalKind::CallValue(goal, args) => {
+                goal.each_var(visit);
+                args.iter().for_each(|it| it.each_var(visit));
+            }
+            GoalKind::Unify(a, b) | GoalKind::Matches(a, b) | GoalKind::Identical(a, b) => {
+                a.each_var(visit);
+                b.each_var(visit);
+            }
+            GoalKind::Compare(_, a, b) => {
+                a.each_var(visit);
+                b.each_var(visit);
+            }
+            GoalKind::Is(term, number) => {
+                number.each_var(visit);
+                term.each_var(visit);
+            }
+            GoalKind::Fun(_, args, result) => {
+                args.iter().for_each(|it| it.each_var(visit));
+                result.each_var(visit);
+            }
+            GoalKind::Collect(_, template, goal, result) => {
+                template.each_var(visit);
+                goal.each_var(visit);
+                result.each_var(visit);
+            }
+            GoalKind::Bag { template, goal, list, .. } => {
+                template.each_var(visit);
+                goal.each_var(visit);
+                list.each_var(visit);
+            }
+            GoalKind::ForAll(test, goal) => {
+                test.each_var(visit);
+                goal.each_var(visit);
+            }
+        }
+    }
+}
