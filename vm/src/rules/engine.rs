@@ -227,6 +227,12 @@ impl Engine {
         self.choices.is_empty()
     }
 
+    /// The instruction after the one that it does.
+    #[must_use]
+    pub fn pc(&self) -> u32 {
+        self.pc
+    }
+
     /// Memory in use, in bytes.
     #[must_use]
     pub fn bytes(&self) -> usize {

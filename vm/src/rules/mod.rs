@@ -13,6 +13,7 @@ pub mod lower;
 pub mod native;
 pub mod op;
 pub mod store;
+pub mod stream;
 mod structure;
 pub mod tabling;
 pub mod tree;
