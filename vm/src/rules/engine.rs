@@ -22,7 +22,7 @@ use super::index::{FactRows, Facts};
 use super::native::{Alternatives, Call, Found};
 use super::op::{Part, RuleOp};
 use super::store::{Cell, Mark, Store, TooLarge};
-use super::tabling::Tables;
+use super::tabling::{Row, Tables};
 use super::{Rules, View};
 
 /// Where a clause goes on when a goal of it holds.
@@ -61,15 +61,15 @@ enum Alternative {
     /// The predicate itself, after facts that are in force for a while.
     Plain(PredId),
     /// More of a predicate written in Rust.
-    Native(PredId, Box<dyn Alternatives>),
+    Native(Box<dyn Alternatives>),
     /// More groups; the register of the first.
     Groups(u8, Groups),
     /// More answers of a table.
-    Answers(Rc<Vec<Value>>, u32),
+    Answers(Rc<Vec<Row>>, u32),
+    /// Tables are being filled for this call.
+    Leader,
     /// Nothing: `*->` has taken it away.
     None,
-    /// What a tabled goal runs in ends here.
-    Stop,
 }
 
 /// What the engine has come to.
@@ -558,6 +558,12 @@ impl Engine {
                         self.pc = pc as u32;
                         return Ok(Out::Step(Step::Answer));
                     }
+                    RuleOp::TableAnswer => {
+                        let (table, args) = (at!(0), store.deref(at!(1)));
+                        self.pc = pc as u32;
+                        self.table_answer(table, args)?;
+                        return Ok(Out::Back);
+                    }
                     RuleOp::Fail => fail!(),
 
                     RuleOp::Jump(t) => pc = t.0 as usize,
@@ -641,7 +647,7 @@ impl Engine {
 
     /// Enters the clauses that can answer.
     #[inline(always)]
-    fn enter_clauses(&mut self, rules: &Rules, predicate: PredId) -> bool {
+    pub(super) fn enter_clauses(&mut self, rules: &Rules, predicate: PredId) -> bool {
         let it = &rules.predicates[predicate.at()];
         let args = &self.stack[self.base as usize..][..usize::from(it.declared.arity)];
         let selected = it.index.select(&self.store, args);
@@ -690,7 +696,7 @@ impl Engine {
                     self.push_choice(
                         self.base.max(self.top),
                         arity,
-                        Alternative::Native(predicate, alternatives),
+                        Alternative::Native(alternatives),
                     );
                     Ok(false)
                 }
@@ -734,7 +740,7 @@ impl Engine {
     }
 
     /// The goal of the frame holds.
-    fn proceed(&mut self) -> bool {
+    pub(super) fn proceed(&mut self) -> bool {
         let frame = self.frames[self.frame as usize];
         if let Some(trace) = &mut self.trace {
             trace.leave(frame.parent);
@@ -792,10 +798,6 @@ impl Engine {
     // ------------------------------------------------------------------ choices
 
     /// Registers below `top` are needed by what may go on; the first `args` at the base are kept.
-    pub(super) fn push_choice_at(&mut self, top: u32, args: u8, stop: bool) {
-        self.push_choice(top, args, if stop { Alternative::Stop } else { Alternative::None });
-    }
-
     fn push_choice(&mut self, top: u32, args: u8, alternative: Alternative) {
         let saved = self.saved.len() as u32;
         self.saved.extend_from_slice(&self.stack[self.base as usize..][..usize::from(args)]);
@@ -850,14 +852,11 @@ impl Engine {
         self.cut_to(n);
     }
 
-    /// Goes on with the newest choice. False if there is none, or only one that ends a tabled goal.
+    /// Goes on with the newest choice. False if there is none.
     fn back(&mut self, program: &Program) -> Result<bool, Raise> {
         loop {
             let n = self.choices.len().saturating_sub(1);
             let Some(choice) = self.choices.last_mut() else { return Ok(false) };
-            if let Alternative::Stop = choice.alternative {
-                return Ok(false);
-            }
             self.store.back_to(choice.mark);
             self.collecting.truncate(choice.collecting as usize);
             (self.frame, self.base) = (choice.frame, choice.base);
@@ -905,7 +904,7 @@ impl Engine {
                         return Ok(true);
                     }
                 }
-                Alternative::Native(_, alternatives) => {
+                Alternative::Native(alternatives) => {
                     let args = &self.stack[self.base as usize..][..usize::from(choice.args)];
                     let mut call = Call::new(program, &mut self.store, args, &self.view);
                     match alternatives.next(&mut call)? {
@@ -937,37 +936,56 @@ impl Engine {
                         self.pop_choice();
                         continue;
                     };
-                    let arity = choice.args;
                     *next += 1;
                     if *next as usize == answers.len() {
                         self.pop_choice();
                     }
-                    if self.take_answer(&answer, arity)? {
+                    if self.take_answer(&answer)? {
+                        return Ok(true);
+                    }
+                }
+                Alternative::Leader => {
+                    let arity = choice.args;
+                    if self.lead(program, arity)? {
                         return Ok(true);
                     }
                 }
                 Alternative::None => self.pop_choice(),
-                Alternative::Stop => return Ok(false),
             }
         }
     }
 
     /// Goes through the answers of a table.
-    pub(super) fn answer_from(&mut self, answers: Rc<Vec<Value>>, arity: u8) {
+    pub(super) fn answer_from(&mut self, answers: Rc<Vec<Row>>, arity: u8) {
         if !answers.is_empty() {
             self.push_choice(self.base.max(self.top), arity, Alternative::Answers(answers, 0));
         }
     }
 
-    /// The arguments of the call are those of an answer.
-    fn take_answer(&mut self, answer: &Value, arity: u8) -> Result<bool, Raise> {
-        let cell = self.store.import_open(answer, &mut Vec::new()).map_err(too_large)?;
-        let args: Vec<Cell> = self.stack[self.base as usize..][..usize::from(arity)].to_vec();
-        let call = self.store.structure(super::store::Shape::Vector, args);
-        match self.store.unify(call, cell).map_err(too_large)? {
-            true => Ok(self.proceed()),
-            false => Ok(false),
-        }
+    /// The call is answered when all tables that it needs are full.
+    pub(super) fn push_leader(&mut self, arity: u8) {
+        self.push_choice(self.base.max(self.top), arity, Alternative::Leader);
+    }
+
+    /// The tables of the newest choice are full: these are its answers.
+    pub(super) fn replace_leader(&mut self, answers: Rc<Vec<Row>>, arity: u8) {
+        self.pop_choice();
+        self.answer_from(answers, arity);
+    }
+
+    /// Makes sure that there are registers above the newest choice. Returns where they begin.
+    pub(super) fn room(&mut self, _n: usize) -> u32 {
+        let base = self.base.max(self.top);
+        self.move_args(0, base as usize + 2 * WINDOW, 0);
+        base
+    }
+
+    /// A frame that goes on at `pc`.
+    pub(super) fn push_frame(&mut self, pc: u32, base: u32) {
+        let at = (self.frame + 1).max(self.frames_top);
+        self.frames.truncate(at as usize);
+        self.frames.push(Frame { parent: self.frame, pc, base });
+        self.frame = at;
     }
 
     fn no_number(&self, cell: Cell) -> Raise {

@@ -59,9 +59,9 @@ impl Default for Rules {
     fn default() -> Rules {
         Rules {
             predicates: Vec::new(),
-            // The first instruction is where a query goes on when it holds.
-            code: vec![RuleOp::Answer],
-            places: vec![Place::default()],
+            // Where a query goes on when it holds, and a clause of a table.
+            code: vec![RuleOp::Answer, RuleOp::TableAnswer],
+            places: vec![Place::default(); 2],
             extents: Vec::new(),
             lists: Vec::new(),
             constants: Rc::default(),
@@ -215,6 +215,12 @@ impl Rules {
     pub fn find(&self, name: Symbol, arity: usize) -> Option<PredId> {
         let at = self.predicates.iter().rposition(|it| it.declared.name == name && usize::from(it.declared.arity) == arity)?;
         Some(PredId(at as u32))
+    }
+
+    /// One past the last instruction of a clause.
+    fn clause_end(&self, pc: Pc) -> Pc {
+        let after = self.extents.partition_point(|(entry, _)| *entry <= pc);
+        self.extents.get(after).map_or(Pc(self.code.len() as u32), |next| next.0)
     }
 
     /// The predicate that an instruction belongs to.

@@ -96,6 +96,8 @@ pub enum RuleOp {
     Proceed,
     /// The query holds.
     Answer,
+    /// A clause of the table in register 0 holds for the arguments in register 1.
+    TableAnswer,
     /// Nothing more here: go back to the newest choice.
     Fail,
 
@@ -126,3 +128,105 @@ pub enum RuleOp {
 }
 
 const _: () = assert!(size_of::<RuleOp>() <= 8);
+
+impl RuleOp {
+    /// Visits the registers that it reads.
+    pub(super) fn reads(
+        &self,
+        arity: &dyn Fn(PredId) -> u8,
+        values: &dyn Fn(Template) -> u8,
+        visit: &mut dyn FnMut(u8),
+    ) {
+        let mut range = |first: u8, n: u8| (0..n).for_each(|i| visit(first.wrapping_add(i)));
+        match *self {
+            RuleOp::GetNil(a)
+            | RuleOp::GetConst(a, _)
+            | RuleOp::GetStruct(a, ..)
+            | RuleOp::NeedsBound(a, _)
+            | RuleOp::Move(_, a)
+            | RuleOp::AddInt(_, a, _)
+            | RuleOp::Cut(a)
+            | RuleOp::Close(a)
+            | RuleOp::Collected(a) => visit(a),
+            RuleOp::GetPair(a, first, rest) => {
+                visit(a);
+                [first, rest].into_iter().filter_map(Part::read).for_each(visit);
+            }
+            RuleOp::PutPair(_, first, rest) => {
+                [first, rest].into_iter().filter_map(Part::read).for_each(visit);
+            }
+            RuleOp::Unify(a, b)
+            | RuleOp::Identical(a, b)
+            | RuleOp::Matches(a, b)
+            | RuleOp::Less(a, b)
+            | RuleOp::LessEq(a, b)
+            | RuleOp::NumEq(a, b)
+            | RuleOp::NumNe(a, b)
+            | RuleOp::Add(_, a, b)
+            | RuleOp::Sub(_, a, b)
+            | RuleOp::Mul(_, a, b)
+            | RuleOp::Div(_, a, b)
+            | RuleOp::Add1(a, b) => range_of(&[a, b], visit),
+            RuleOp::PutStruct(_, s, t) => range(s, values(t)),
+            RuleOp::Call(w, predicate) | RuleOp::Execute(w, predicate) => range(w, arity(predicate)),
+            RuleOp::ExecuteHere(predicate) => range(0, arity(predicate)),
+            RuleOp::CallValue(w, n) => range(w, n + 1),
+            RuleOp::CallFun(_, w, n, _) => range(w, n),
+            RuleOp::Groups(w, _) => range(w, 2),
+            RuleOp::TableAnswer => range(0, 2),
+            RuleOp::Fresh(_)
+            | RuleOp::PutConst(..)
+            | RuleOp::Proceed
+            | RuleOp::Answer
+            | RuleOp::Fail
+            | RuleOp::Jump(_)
+            | RuleOp::Try(..)
+            | RuleOp::Entry(_)
+            | RuleOp::Choices(_)
+            | RuleOp::Collect(..) => {}
+        }
+    }
+
+    /// Visits the registers that it writes.
+    pub(super) fn writes(&self, values: &dyn Fn(Template) -> u8, visit: &mut dyn FnMut(u8)) {
+        match *self {
+            RuleOp::GetPair(_, first, rest) => {
+                [first, rest].into_iter().filter_map(Part::written).for_each(visit);
+            }
+            RuleOp::PutPair(d, first, rest) => {
+                visit(d);
+                [first, rest].into_iter().filter_map(Part::written).for_each(visit);
+            }
+            RuleOp::GetStruct(_, s, t) => (0..values(t)).for_each(|i| visit(s.wrapping_add(i))),
+            RuleOp::Fresh(d)
+            | RuleOp::Move(d, _)
+            | RuleOp::PutConst(d, _)
+            | RuleOp::PutStruct(d, ..)
+            | RuleOp::Add(d, ..)
+            | RuleOp::Sub(d, ..)
+            | RuleOp::Mul(d, ..)
+            | RuleOp::Div(d, ..)
+            | RuleOp::AddInt(d, ..)
+            | RuleOp::CallFun(d, ..)
+            | RuleOp::Entry(d)
+            | RuleOp::Choices(d)
+            | RuleOp::Collect(d, _)
+            | RuleOp::Collected(d) => visit(d),
+            RuleOp::Groups(w, _) => visit(w + 2),
+            _ => {}
+        }
+    }
+}
+
+fn range_of(registers: &[u8], visit: &mut dyn FnMut(u8)) {
+    registers.iter().for_each(|it| visit(*it));
+}
+
+impl Part {
+    fn read(self) -> Option<u8> {
+        if let Part::Same(r) = self { Some(r) } else { None }
+    }
+    fn written(self) -> Option<u8> {
+        if let Part::First(r) = self { Some(r) } else { None }
+    }
+}

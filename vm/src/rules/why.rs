@@ -4,6 +4,10 @@
 #[derive(Default)]
 pub struct Trace {}
 
+impl super::engine::Engine {
+    pub(super) fn note_call(&mut self, _program: &crate::code::Program, _predicate: super::clause::PredId) {}
+}
+
 impl Trace {
     pub(super) fn leave(&mut self, _frame: u32) {}
     pub(super) fn choice(&mut self) {}
