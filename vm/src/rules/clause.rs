@@ -41,6 +41,24 @@ pub enum Term {
     Desc(Symbol, Vec<(Symbol, Term)>),
 }
 
+impl Term {
+    /// Shows all variables, as often as they occur.
+    pub fn variables(&self, see: &mut impl FnMut(VarNo)) {
+        let mut term = self;
+        while let Term::Pair(first, rest) = term {
+            first.variables(see);
+            term = rest;
+        }
+        match term {
+            Term::Var(var) => see(*var),
+            Term::Any | Term::Const(_) | Term::Pair(..) => {}
+            Term::Vector(items) => items.iter().for_each(|item| item.variables(see)),
+            Term::Map(pairs) => pairs.iter().for_each(|(_, item)| item.variables(see)),
+            Term::Desc(_, properties) => properties.iter().for_each(|(_, item)| item.variables(see)),
+        }
+    }
+}
+
 /// A number to be computed.
 #[derive(Debug, Clone)]
 pub enum Number {
@@ -48,6 +66,16 @@ pub enum Number {
     Term(Term),
     /// `(+ a b)` and its relatives, two operands each.
     Op(Arith, Box<Number>, Box<Number>),
+}
+
+impl Number {
+    /// Shows all variables, as often as they occur.
+    pub fn variables(&self, see: &mut impl FnMut(VarNo)) {
+        match self {
+            Number::Term(term) => term.variables(see),
+            Number::Op(_, a, b) => [a, b].into_iter().for_each(|it| it.variables(see)),
+        }
+    }
 }
 
 /// Arithmetic that rule code does itself. Everything else is a call of a function.
@@ -165,6 +193,38 @@ pub enum GoalKind {
     },
     /// `(forall test goal)`: every answer of the test is one of the goal.
     ForAll(Box<Goal>, Box<Goal>),
+}
+
+impl Goal {
+    /// Shows all variables of the goal and of those in it, as often as they occur.
+    pub fn variables(&self, see: &mut impl FnMut(VarNo)) {
+        match &self.kind {
+            GoalKind::True | GoalKind::False | GoalKind::Cut => {}
+            GoalKind::And(goals) | GoalKind::Or(goals) => goals.iter().for_each(|goal| goal.variables(see)),
+            GoalKind::Not(goal, _) | GoalKind::Once(goal) => goal.variables(see),
+            GoalKind::If { test, then, otherwise, .. } => {
+                [test, then].into_iter().chain(otherwise).for_each(|goal| goal.variables(see));
+            }
+            GoalKind::ForAll(test, goal) => [test, goal].into_iter().for_each(|goal| goal.variables(see)),
+            GoalKind::Call(_, args) => args.iter().for_each(|arg| arg.variables(see)),
+            GoalKind::CallValue(goal, args) | GoalKind::Fun(_, args, goal) => {
+                args.iter().chain([goal]).for_each(|arg| arg.variables(see));
+            }
+            GoalKind::Unify(a, b) | GoalKind::Matches(a, b) | GoalKind::Identical(a, b) => {
+                [a, b].into_iter().for_each(|term| term.variables(see));
+            }
+            GoalKind::Compare(_, a, b) => [a, b].into_iter().for_each(|number| number.variables(see)),
+            GoalKind::Is(result, number) => {
+                result.variables(see);
+                number.variables(see);
+            }
+            GoalKind::Collect(_, template, goal, result)
+            | GoalKind::Bag { template, goal, list: result, .. } => {
+                [template, result].into_iter().for_each(|term| term.variables(see));
+                goal.variables(see);
+            }
+        }
+    }
 }
 
 /// A clause: `(<- (head …) goal…)`.
