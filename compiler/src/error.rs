@@ -481,7 +481,9 @@ pub enum CompileError {
     #[error("a cut follows a call of `{name}`, which is tabled")]
     #[diagnostic(
         code(rule::table_cut),
-        help("a table needs all answers: find them first, for example with `findall`, or put the cut before the call")
+        help(
+            "a table needs all answers: find them first, for example with `findall`, or put the cut before the call"
+        )
     )]
     TableCut {
         /// The tabled predicate.

@@ -34,9 +34,9 @@ use vm::value::Symbol;
 
 pub use define::Loaded;
 pub use error::CompileError;
-pub use rules::query::CompiledGoal;
 use module::{ModuleId, Modules};
 use resolve::ParamForms;
+pub use rules::query::CompiledGoal;
 
 /// A file that a program uses.
 pub struct Source {
@@ -406,6 +406,7 @@ impl Front {
             let staged = std::mem::take(&mut compiler.staged);
             staged.into_iter().for_each(|staged| staged.apply(&mut compiler.program.rules));
         }
+        compiler.link_rules();
         let mut reports = compiler.reports;
         reports.sort_by_key(|report| (report.span().file, report.span().start, report.span().end));
         if reports.len() > MOST_REPORTS && !reports.iter().all(Report::is_warning) {

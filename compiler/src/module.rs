@@ -208,7 +208,8 @@ impl Use {
 
 /// True if `:only` lists a name; that of a predicate may stand there without its arity.
 fn lists(only: &[Symbol], name: Symbol) -> bool {
-    let is_predicate = || predicate_key(name).is_some_and(|(name, _)| only.iter().any(|known| *known == name));
+    let is_predicate =
+        || predicate_key(name).is_some_and(|(name, _)| only.iter().any(|known| *known == name));
     only.contains(&name) || is_predicate()
 }
 

@@ -192,6 +192,10 @@ builtin_types! {
     ActionNotGrounded = "action-not-grounded" < "plan-failure" ["action"];
     /// What was performed did not reach its goal.
     GoalNotReached = "goal-not-reached" < "plan-failure" ["of"];
+    /// A rule computes with a variable that has no value yet.
+    UnboundVariable = "unbound-variable" < "program-error" [];
+    /// A rule negates a goal with a variable that has no value yet.
+    Floundering = "floundering" < "program-error" ["variable"];
     /// A file could not be read or written.
     FileFailure = "file-failure" < "plan-failure" ["path"];
     /// A native that the run has no grant for.

@@ -72,6 +72,21 @@ pub enum Next {
     Task(crate::machine::TaskOp),
     /// Ask the outside, between two rounds; the call has the answer as its value.
     Ask(crate::host::Request),
+    /// Ask rules; the call has what is asked for as its value.
+    Query {
+        /// A predicate whose last argument is what an answer is.
+        predicate: crate::rules::clause::PredId,
+        /// Its other arguments.
+        inputs: Vec<Value>,
+        /// What is asked for.
+        ask: crate::rules::Ask,
+    },
+    /// A part of a stream of answers.
+    Part(Value, crate::machine::Part),
+    /// Facts come into force in the task: a list of predicates with their arguments; nil.
+    PushFacts(Value),
+    /// The newest of them are no longer in force; nil.
+    PopFacts,
     /// Run a plan as a root of its own; the call has the tree as its value.
     RunPlan {
         /// The plan.

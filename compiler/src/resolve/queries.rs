@@ -7,8 +7,8 @@ use grammar::{Form, FormKind, Prefix, Span};
 use vm::rules::clause::Term;
 use vm::value::{Symbol, Value};
 
-use super::special::loop_body;
 use super::Scope;
+use super::special::loop_body;
 use crate::Compiler;
 use crate::ast::{Expr, ExprKind};
 use crate::error::CompileError;
@@ -81,12 +81,10 @@ pub(super) fn with_facts(it: &mut Compiler<'_>, scope: &mut Scope, form: &Form, 
     if facts.is_empty() {
         return Expr::seq(body, span);
     }
-    // Who takes the facts away knows them by their list: only if they have been put there.
     let list = it.list_of(facts, span);
     let var = scope.hidden(span);
-    let facts = || vec![Some(Expr::new(ExprKind::Var(var), span))];
-    let push = it.native_call("%push-facts", facts(), span);
-    let pop = it.native_call("%pop-facts", facts(), span);
+    let push = it.native_call("%push-facts", vec![Some(Expr::new(ExprKind::Var(var), span))], span);
+    let pop = it.native_call("%pop-facts", Vec::new(), span);
     let body = Expr::seq(std::iter::once(push).chain(body).collect(), span);
     let guarded = Expr::new(ExprKind::Protect(Box::new(body), vec![pop]), span);
     Expr::new(ExprKind::Let(vec![(var, list)], vec![guarded]), span)
@@ -145,7 +143,8 @@ impl Compiler<'_> {
             FormKind::List(items) => FormKind::List(self.all_without_commas(scope, items, commas)),
             FormKind::Vector(items) => FormKind::Vector(self.all_without_commas(scope, items, commas)),
             FormKind::Map(pairs) => {
-                let pair = |(key, value): &(Form, Form)| (key.clone(), self.without_commas(scope, value, commas));
+                let pair =
+                    |(key, value): &(Form, Form)| (key.clone(), self.without_commas(scope, value, commas));
                 FormKind::Map(pairs.iter().map(pair).collect())
             }
             _ => return form.clone(),
@@ -163,7 +162,12 @@ impl Compiler<'_> {
         let fact = self.without_commas(scope, fact, &mut commas);
         let Some((predicate, args, rule)) = self.fact_pattern(scope.module, &fact) else {
             if fact.head().is_none() {
-                self.shape_at(form, "has a fact that is not written (predicate argument …)", "(with-facts ((on milk table)) body…)", fact.span);
+                self.shape_at(
+                    form,
+                    "has a fact that is not written (predicate argument …)",
+                    "(with-facts ((on milk table)) body…)",
+                    fact.span,
+                );
             }
             return None;
         };
@@ -189,7 +193,8 @@ impl Compiler<'_> {
         let kind = match term {
             Term::Var(var) => return values.get(*var as usize).cloned().unwrap_or_else(|| Expr::nil(span)),
             Term::Any => {
-                let (name, help) = ("?_".into(), Some("a fact says what holds: each argument has a value".into()));
+                let (name, help) =
+                    ("?_".into(), Some("a fact says what holds: each argument has a value".into()));
                 self.error(CompileError::Unbound { name, at: span, help });
                 return Expr::nil(span);
             }
@@ -204,11 +209,13 @@ impl Compiler<'_> {
             }
             Term::Map(pairs) => {
                 let key = |key: &Value| Expr::new(ExprKind::Const(key.clone()), span);
-                let pairs = pairs.iter().flat_map(|(it, value)| [key(it), self.value_of(value, values, span)]);
+                let pairs =
+                    pairs.iter().flat_map(|(it, value)| [key(it), self.value_of(value, values, span)]);
                 ExprKind::Map(pairs.collect())
             }
             Term::Desc(kind, properties) => {
-                let properties = properties.iter().map(|(key, value)| (*key, self.value_of(value, values, span)));
+                let properties =
+                    properties.iter().map(|(key, value)| (*key, self.value_of(value, values, span)));
                 ExprKind::Desc(*kind, properties.collect())
             }
         };

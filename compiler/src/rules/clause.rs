@@ -63,7 +63,13 @@ impl Compiler<'_> {
             }
         }
         if let Some(first) = seen.facts.insert((predicate, values.clone()), form.span) {
-            self.unreachable("the second of two equal facts", form.span, "the same", first, "leave out one of the two");
+            self.unreachable(
+                "the second of two equal facts",
+                form.span,
+                "the same",
+                first,
+                "leave out one of the two",
+            );
         }
         let declared = &self.program.rules.predicates[predicate.at()].declared;
         self.staged.push(match declared.kind {
@@ -147,7 +153,8 @@ impl Compiler<'_> {
         if let Some((priority, last)) = seen.last.get(&clause.predicate)
             && clause.priority <= *priority
         {
-            let help = "a cut at the start of a clause that takes everything lets no clause after it be tried";
+            let help =
+                "a cut at the start of a clause that takes everything lets no clause after it be tried";
             self.unreachable("this clause", at, "takes everything and cuts", *last, help);
         } else if takes_everything(&clause.head) && cuts_first(&clause.body) {
             seen.last.insert(clause.predicate, (clause.priority, at));

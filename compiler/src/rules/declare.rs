@@ -93,7 +93,8 @@ impl Compiler<'_> {
         for clause in rest {
             let head = if facts { Some(clause) } else { self.head_of(form, clause) };
             let Some((name, args)) = head.and_then(|head| self.name_of(form, head)) else { continue };
-            let Some(id) = self.predicate_of(work, &mut group, name, args, head.map_or(clause.span, |it| it.span))
+            let Some(id) =
+                self.predicate_of(work, &mut group, name, args, head.map_or(clause.span, |it| it.span))
             else {
                 continue;
             };
@@ -128,7 +129,8 @@ impl Compiler<'_> {
         let Some((name, args)) = name.zip(head.list().map(|items| &items[1..])) else {
             let form = group.head().unwrap_or_default().to_string();
             let problem = "has a head that is not written (predicate argument …)".into();
-            let shape = if form == "def-facts" { "(predicate argument …)" } else { "(<- (head …) goal…)" };
+            let shape =
+                if form == "def-facts" { "(predicate argument …)" } else { "(<- (head …) goal…)" };
             self.error(CompileError::Shape { form, problem, shape: shape.into(), at: head.span });
             return None;
         };
@@ -140,7 +142,13 @@ impl Compiler<'_> {
         if args.len() > MOST_ARGS {
             let (has, got) = (format!("at most {MOST_ARGS} arguments"), args.len());
             let help = Some("put some of them into a list".into());
-            self.error(CompileError::PredicateArity { name: name.to_string(), has, got, at: head.span, help });
+            self.error(CompileError::PredicateArity {
+                name: name.to_string(),
+                has,
+                got,
+                at: head.span,
+                help,
+            });
             return None;
         }
         Some((name, args))
@@ -281,14 +289,11 @@ impl Compiler<'_> {
             self.open_predicates.insert(id);
             return;
         }
-        let declared = Declared {
-            name,
-            arity: arity as u8,
-            kind: Kind::Rules,
-            tabled: false,
-            place: place(form.span),
-        };
-        if let Some(id) = self.single(work, form, declared, Params::default(), doc) {
+        let declared =
+            Declared { name, arity: arity as u8, kind: Kind::Rules, tabled: false, place: place(form.span) };
+        if let Some(id) =
+            self.single(work, form, declared, Params { required: arity as u8, ..Params::default() }, doc)
+        {
             self.open_predicates.insert(id);
         }
     }
@@ -301,12 +306,11 @@ impl Compiler<'_> {
         };
         let params = self.param_forms(params).params;
         let arity = params.names.len() as u8;
-        if !vm::rules::native(&name, arity) {
+        if vm::rules::native::find(&name, arity).is_none() {
             let name = key(name, arity as usize).to_string();
             return self.error(CompileError::NoSuchNative { name, at: form.span });
         }
-        let declared =
-            Declared { name, arity, kind: Kind::Native, tabled: false, place: place(form.span) };
+        let declared = Declared { name, arity, kind: Kind::Native, tabled: false, place: place(form.span) };
         self.single(work, form, declared, params, doc);
     }
 

@@ -233,19 +233,19 @@ fn sorted(mut vars: Vec<VarNo>) -> Vec<VarNo> {
 
 fn in_goal(goal: &Goal) -> Vec<VarNo> {
     let mut vars = Vec::new();
-    goal.variables(&mut |var| vars.push(var));
+    goal.each_var(&mut |var| vars.push(var));
     sorted(vars)
 }
 
 fn in_terms<'t>(terms: impl IntoIterator<Item = &'t Term>) -> Vec<VarNo> {
     let mut vars = Vec::new();
-    terms.into_iter().for_each(|term| term.variables(&mut |var| vars.push(var)));
+    terms.into_iter().for_each(|term| term.each_var(&mut |var| vars.push(var)));
     sorted(vars)
 }
 
 fn in_numbers<'n>(numbers: impl IntoIterator<Item = &'n Number>) -> Vec<VarNo> {
     let mut vars = Vec::new();
-    numbers.into_iter().for_each(|number| number.variables(&mut |var| vars.push(var)));
+    numbers.into_iter().for_each(|number| number.each_var(&mut |var| vars.push(var)));
     sorted(vars)
 }
 

@@ -136,7 +136,11 @@ impl Compiler<'_> {
     }
 
     /// A predicate with its arguments, and the variables in them: a fact of `with-facts`.
-    pub(crate) fn fact_pattern(&mut self, module: ModuleId, form: &Form) -> Option<(PredId, Vec<Term>, Rule)> {
+    pub(crate) fn fact_pattern(
+        &mut self,
+        module: ModuleId,
+        form: &Form,
+    ) -> Option<(PredId, Vec<Term>, Rule)> {
         let mut rule = Rule::new(module);
         form.head()?;
         match self.goal(&mut rule, form).kind {
@@ -168,10 +172,17 @@ impl Compiler<'_> {
         if !arities.is_empty() {
             let (has, got) = (arguments(&arities), args.len());
             let help = None;
-            self.error(CompileError::PredicateArity { name: name.to_string(), has, got, at: form.span, help });
+            self.error(CompileError::PredicateArity {
+                name: name.to_string(),
+                has,
+                got,
+                at: form.span,
+                help,
+            });
         } else if matches!(meaning, Some(Meaning::Plan(..))) {
             let what = format!("the plan `{name}`");
-            let help = Some("a plan asks rules with `ask`, `answers` and `query`, not the other way round".into());
+            let help =
+                Some("a plan asks rules with `ask`, `answers` and `query`, not the other way round".into());
             self.error(CompileError::PlanForm { what, at, help });
         } else if let Some(help) = instead(&name) {
             let what = format!("`{name}`");
@@ -185,7 +196,13 @@ impl Compiler<'_> {
         GoalKind::True
     }
 
-    fn nearest_goal(&self, rule: &Rule, name: Symbol, meaning: Option<&Meaning>, args: usize) -> Option<String> {
+    fn nearest_goal(
+        &self,
+        rule: &Rule,
+        name: Symbol,
+        meaning: Option<&Meaning>,
+        args: usize,
+    ) -> Option<String> {
         if let Some(meaning) = meaning.filter(|meaning| meaning.params().is_some()) {
             let words = meaning.words();
             let args = if args > 0 { " …" } else { "" };
@@ -216,7 +233,9 @@ impl Compiler<'_> {
             Some("!") => "a cut is written (cut)".into(),
             Some("fail") => "it is written (false)".into(),
             Some(name @ ("true" | "false" | "cut")) => format!("it is written ({name})"),
-            Some(name) if name.starts_with('?') => format!("(call {name}) proves the goal that a variable holds"),
+            Some(name) if name.starts_with('?') => {
+                format!("(call {name}) proves the goal that a variable holds")
+            }
             Some(name) if self.arities(rule.module, Symbol::from(name)).contains(&0) => {
                 format!("a goal stands in brackets: ({name})")
             }
@@ -300,8 +319,8 @@ impl Compiler<'_> {
         let first = rule.vars.len();
         let goal = self.opaque(rule, if set { "setof" } else { "bagof" }, goal);
         let mut by = Vec::new();
-        goal.variables(&mut |var| by.push(var));
-        template.variables(&mut |var| by.retain(|other| *other != var));
+        goal.each_var(&mut |var| by.push(var));
+        template.each_var(&mut |var| by.retain(|other| *other != var));
         // What `exists` has brought in inside of the goal groups nothing.
         by.retain(|var| (*var as usize) < first || !rule.vars[*var as usize].local);
         by.sort_unstable();
@@ -374,7 +393,9 @@ fn instead(name: &str) -> Option<String> {
         "seq" => "write (and goal …)".into(),
         "fail" => "a goal that never holds is written (false)".into(),
         "query" | "ask" | "answers" | "for-each-answer" => "write the goal itself, or `findall`".into(),
-        "dolist" | "dotimes" | "while" | "loop" => "write `findall` or `forall`, or a rule that calls itself".into(),
+        "dolist" | "dotimes" | "while" | "loop" => {
+            "write `findall` or `forall`, or a rule that calls itself".into()
+        }
         "<-" => "clauses stand in `def-rules`, one beside the other".into(),
         _ => format!("it is a form of plans: {shape}"),
     })

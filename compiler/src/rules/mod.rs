@@ -52,10 +52,7 @@ impl Staged {
     pub(crate) fn apply(self, rules: &mut Rules) {
         match self {
             Staged::Clear(id) => rules.clear(id),
-            Staged::Forget(id, place) => {
-                let inside = |it: Place| it.file == place.file && place.start <= it.start && it.end <= place.end;
-                rules.predicates[id.at()].clauses.retain(|clause| !inside(clause.place));
-            }
+            Staged::Forget(id, place) => rules.forget(id, place),
             Staged::Clause(clause) => rules.add(clause),
             Staged::Fact(id, args) => rules.add_fact(id, args),
         }
@@ -179,6 +176,15 @@ impl Compiler<'_> {
                 None
             }
             Found::None => None,
+        }
+    }
+
+    /// Makes rule code of the clauses that have changed.
+    pub(crate) fn link_rules(&mut self) {
+        const MOST: usize = 200;
+        for place in self.program.rules.link() {
+            let at = Span { file: grammar::FileId(place.file), start: place.start, end: place.end };
+            self.error(crate::CompileError::TooManyRegisters { name: "a clause".into(), limit: MOST, at });
         }
     }
 

@@ -185,7 +185,8 @@ impl Compiler<'_> {
         let result = self.term(rule, result);
         let Some(symbol) = name.symbol() else {
             let what = format!("`{}`", shown(name));
-            let help = Some("after `fun` stands the name of a function; `(is ?x expression)` computes".into());
+            let help =
+                Some("after `fun` stands the name of a function; `(is ?x expression)` computes".into());
             self.error(CompileError::NotAGoal { what, at: name.span, help });
             return Some(GoalKind::True);
         };

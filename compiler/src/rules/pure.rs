@@ -14,8 +14,18 @@ use crate::error::CompileError;
 
 /// Natives that need no grant, but a task that can wait or a run that can change.
 const OF_TASKS: [&str; 12] = [
-    "sleep", "set-value", "pulse", "evaporate", "suspend", "wake-up", "join", "status", "%wait-for", "%next-rise",
-    "run-plan", "edit-tree",
+    "sleep",
+    "set-value",
+    "pulse",
+    "evaporate",
+    "suspend",
+    "wake-up",
+    "join",
+    "status",
+    "%wait-for",
+    "%next-rise",
+    "run-plan",
+    "edit-tree",
 ];
 
 impl Compiler<'_> {
@@ -51,7 +61,11 @@ fn impurity(program: &Program, function: FnId) -> Option<String> {
                     Some(Imm::Native(native)) => {
                         let native = &program.natives[native.at()];
                         if native.effect != Effect::Pure {
-                            return Some(format!("uses `{}`, which has the effect {}", native.name, native.effect.name()));
+                            return Some(format!(
+                                "uses `{}`, which has the effect {}",
+                                native.name,
+                                native.effect.name()
+                            ));
                         }
                         if OF_TASKS.contains(&native.name) {
                             return Some(format!("uses `{}`, which is for tasks", native.name));

@@ -51,7 +51,13 @@ pub(crate) struct Question {
 
 impl Compiler<'_> {
     /// Resolves the goals of a query.
-    pub(crate) fn question(&mut self, module: ModuleId, goals: &[Form], span: Span, of: Template<'_>) -> Question {
+    pub(crate) fn question(
+        &mut self,
+        module: ModuleId,
+        goals: &[Form],
+        span: Span,
+        of: Template<'_>,
+    ) -> Question {
         let before = self.reports.len();
         let mut rule = Rule::new(module);
         let kind = self.conjunction(&mut rule, goals);
@@ -67,7 +73,7 @@ impl Compiler<'_> {
         };
         rule.closed -= 1;
         let mut asked = Vec::new();
-        template.variables(&mut |var| asked.push(var));
+        template.each_var(&mut |var| asked.push(var));
         asked.retain(|var| (*var as usize) < known);
         Question { rule, body, template, asked, before }
     }
@@ -118,9 +124,13 @@ impl Compiler<'_> {
             let is_asked = question.rule.vars.iter().any(|var| var.name == name && !var.seen);
             let help = match (head, is_asked) {
                 (_, true) => format!("the goal does not mention `{name}`"),
-                ("for-each-answer", _) => format!("list it, bind it with `let` around the form, or write `?_`: (for-each-answer ({name} …) …)"),
+                ("for-each-answer", _) => format!(
+                    "list it, bind it with `let` around the form, or write `?_`: (for-each-answer ({name} …) …)"
+                ),
                 ("ask", _) => "bind it with `let` or a parameter, or write `?_` if any value will do".into(),
-                _ => format!("put `{name}` into the template, bind it with `let` around the form, or write `?_`"),
+                _ => format!(
+                    "put `{name}` into the template, bind it with `let` around the form, or write `?_`"
+                ),
             };
             self.error(CompileError::Unbound { name: name.to_string(), at, help: Some(help) });
         }
@@ -133,8 +143,16 @@ impl Compiler<'_> {
         let place = place(span);
         let predicate = self.hidden_predicate(head, args.len(), place);
         let vars = question.rule.var_names();
-        let mut clause =
-            Clause { predicate, head: args, open: false, body: question.body, vars, priority: 0, text: 0, place };
+        let mut clause = Clause {
+            predicate,
+            head: args,
+            open: false,
+            body: question.body,
+            vars,
+            priority: 0,
+            text: 0,
+            place,
+        };
         if self.reports[question.before..].iter().all(Report::is_warning) {
             self.check_flow(&mut clause, Some(inputs.len()));
             self.program.rules.add(clause);
@@ -145,7 +163,13 @@ impl Compiler<'_> {
     /// A predicate that has no name in any module.
     fn hidden_predicate(&mut self, name: &str, arity: usize, place: Place) -> PredId {
         let name = Symbol::from(name);
-        self.program.rules.declare(Declared { name, arity: arity as u8, kind: Kind::Rules, tabled: false, place })
+        self.program.rules.declare(Declared {
+            name,
+            arity: arity as u8,
+            kind: Kind::Rules,
+            tabled: false,
+            place,
+        })
     }
 
     /// A goal as it is typed.
@@ -198,7 +222,7 @@ impl Front {
 
 fn in_term(term: &Term, var: VarNo) -> bool {
     let mut found = false;
-    term.variables(&mut |other| found |= other == var);
+    term.each_var(&mut |other| found |= other == var);
     found
 }
 

@@ -49,7 +49,8 @@ impl Compiler<'_> {
             FormKind::Prefixed(Prefix::Quote, inner) => self.term(rule, inner),
             FormKind::Prefixed(prefix, _) => {
                 let problem = format!("`{}` means nothing in a rule", prefix.sign());
-                let help = "data stand as they are, variables are written `?x`; `(is ?x expression)` computes";
+                let help =
+                    "data stand as they are, variables are written `?x`; `(is ?x expression)` computes";
                 self.no_term(problem, form.span, Some(help))
             }
         }
@@ -67,7 +68,9 @@ impl Compiler<'_> {
             "true" => Term::Const(Value::TRUE),
             "false" => Term::Const(Value::FALSE),
             "?_" => Term::Any,
-            "." => self.no_term("a dot stands before the last part of a list", span, Some("write (?x . ?xs)")),
+            "." => {
+                self.no_term("a dot stands before the last part of a list", span, Some("write (?x . ?xs)"))
+            }
             text if text.starts_with('?') => Term::Var(self.variable(rule, name, span)),
             _ => Term::Const(Value::Imm(Imm::Symbol(name))),
         }
@@ -102,7 +105,11 @@ impl Compiler<'_> {
             }
         });
         if pairs >= MOST_NESTED {
-            return self.no_term(format!("a list with variables has more than {MOST_NESTED} elements"), span, None);
+            return self.no_term(
+                format!("a list with variables has more than {MOST_NESTED} elements"),
+                span,
+                None,
+            );
         }
         list
     }

@@ -11,7 +11,7 @@ use crate::op::{Count, Op};
 use crate::tree::{NodeKind, RecId, Status};
 use crate::value::{Imm, Obj, Symbol, Value, live};
 
-use super::drive::Call;
+use super::drive::{Call, Driver};
 use super::{Ctx, CtxParts, Exit, Frame, Here, MEMO, Machine, Occurrences, RESUME, Run, hot};
 
 /// The site of calls that stand in no source: the plan of `run-plan`.
@@ -193,6 +193,9 @@ impl Machine {
             }
             Op::Resume => {
                 let value = std::mem::take(self.top().register(0));
+                if let Some(Driver::Solve(_)) = self.top().drivers.last() {
+                    return self.go_on_solving(host, left, value);
+                }
                 self.resume(host, value)
             }
             other => unreachable!("{other:?} is done by the loop"),
@@ -428,6 +431,16 @@ impl Machine {
             }
             Next::Sleep(ns) => self.sleep(d, ns),
             Next::Task(op) => self.task_op(host, d, op),
+            Next::Query { predicate, inputs, ask } => self.ask(d, predicate, &inputs, ask),
+            Next::Part(stream, part) => self.stream_part(d, &stream, part),
+            Next::PushFacts(facts) => {
+                self.push_facts(&facts)?;
+                self.put(d, Value::NIL)
+            }
+            Next::PopFacts => {
+                self.pop_facts();
+                self.put(d, Value::NIL)
+            }
             Next::RunPlan { plan, args, tree } => self.run_plan(host, d, &plan, args, tree),
             Next::EditTree { tree, edits } => {
                 let tree = self.edit_tree(host, &tree, &edits)?;

@@ -24,6 +24,7 @@ use crate::value::{Imm, Obj, Symbol, Value};
 use super::call::Slow;
 use super::fork::Fork;
 use super::obligation::Discharge;
+use super::solve::Solve;
 use super::{Exit, Frame, Here, Machine, RESUME, Run};
 
 /// A call that takes several steps.
@@ -82,6 +83,8 @@ pub(super) enum Driver {
     Discharge(Box<Discharge>),
     /// A parallel form.
     Fork(Box<Fork>),
+    /// A query.
+    Solve(Box<Solve>),
     /// `(original)` in a branch of inserted code: the call that this belongs to, of a task above.
     Origin(Box<Call>),
 }
@@ -448,6 +451,8 @@ impl Machine {
             Some(Driver::Body(layer)) => self.body_resumed(host, layer, value),
             Some(Driver::Discharge(discharge)) => self.discharge_resumed(host, discharge, value),
             Some(Driver::Fork(fork)) => self.fork_resumed(host, fork),
+            // It needs fuel: the loop gives it some.
+            Some(Driver::Solve(_)) => Ok(None),
             None => Ok(Some(Exit::Done(value))),
         }
     }
@@ -699,6 +704,7 @@ impl Machine {
             }
             Some(Driver::Discharge(discharge)) => return self.discharge_failed(host, discharge, failure),
             Some(Driver::Fork(fork)) => return self.fork_failed(fork, failure),
+            Some(Driver::Solve(solve)) => self.solve_failed(*solve, &failure),
             Some(Driver::Body(_) | Driver::Wrap(_) | Driver::Origin(_)) | None => {}
         }
         Err(failure)

@@ -141,8 +141,8 @@ impl Machine {
         Ok(add_to_inputs(Fluent::derived(self.number(), value, derived)))
     }
 
-    /// A number that no other fluent gets.
-    fn number(&mut self) -> u64 {
+    /// A number that no other fluent or stream gets.
+    pub(super) fn number(&mut self) -> u64 {
         self.fresh += 1;
         self.fresh
     }

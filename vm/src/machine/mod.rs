@@ -7,6 +7,7 @@
 //! [`hot`] is the loop; [`call`] what calls need beyond a frame; [`drive`] calls that take
 //! several steps (goals, grounding, edits); [`unwind`] how failures find their handlers, [`cleanup`]
 //! the time that clean-ups have; [`edits`] adds edits to a tree, [`obligation`] does what is put off;
+//! [`solve`] asks rules,
 //! [`task`] gives tasks their turns, [`fork`] begins and ends them, [`fluent`] wakes them.
 //!
 //! Invariants
@@ -23,6 +24,7 @@ mod fluent;
 mod fork;
 mod hot;
 mod obligation;
+mod solve;
 mod task;
 mod unwind;
 
@@ -46,6 +48,7 @@ pub use call::takes;
 use drive::Driver;
 pub use fluent::TaskOp;
 pub use fork::{ForkKind, nanoseconds};
+pub use solve::Part;
 use task::Tasks;
 
 /// Units of fuel in a round: part of the language, for the clock moves by rounds.

@@ -41,24 +41,6 @@ pub enum Term {
     Desc(Symbol, Vec<(Symbol, Term)>),
 }
 
-impl Term {
-    /// Shows all variables, as often as they occur.
-    pub fn variables(&self, see: &mut impl FnMut(VarNo)) {
-        let mut term = self;
-        while let Term::Pair(first, rest) = term {
-            first.variables(see);
-            term = rest;
-        }
-        match term {
-            Term::Var(var) => see(*var),
-            Term::Any | Term::Const(_) | Term::Pair(..) => {}
-            Term::Vector(items) => items.iter().for_each(|item| item.variables(see)),
-            Term::Map(pairs) => pairs.iter().for_each(|(_, item)| item.variables(see)),
-            Term::Desc(_, properties) => properties.iter().for_each(|(_, item)| item.variables(see)),
-        }
-    }
-}
-
 /// A number to be computed.
 #[derive(Debug, Clone)]
 pub enum Number {
@@ -66,16 +48,6 @@ pub enum Number {
     Term(Term),
     /// `(+ a b)` and its relatives, two operands each.
     Op(Arith, Box<Number>, Box<Number>),
-}
-
-impl Number {
-    /// Shows all variables, as often as they occur.
-    pub fn variables(&self, see: &mut impl FnMut(VarNo)) {
-        match self {
-            Number::Term(term) => term.variables(see),
-            Number::Op(_, a, b) => [a, b].into_iter().for_each(|it| it.variables(see)),
-        }
-    }
 }
 
 /// Arithmetic that rule code does itself. Everything else is a call of a function.
@@ -195,38 +167,6 @@ pub enum GoalKind {
     ForAll(Box<Goal>, Box<Goal>),
 }
 
-impl Goal {
-    /// Shows all variables of the goal and of those in it, as often as they occur.
-    pub fn variables(&self, see: &mut impl FnMut(VarNo)) {
-        match &self.kind {
-            GoalKind::True | GoalKind::False | GoalKind::Cut => {}
-            GoalKind::And(goals) | GoalKind::Or(goals) => goals.iter().for_each(|goal| goal.variables(see)),
-            GoalKind::Not(goal, _) | GoalKind::Once(goal) => goal.variables(see),
-            GoalKind::If { test, then, otherwise, .. } => {
-                [test, then].into_iter().chain(otherwise).for_each(|goal| goal.variables(see));
-            }
-            GoalKind::ForAll(test, goal) => [test, goal].into_iter().for_each(|goal| goal.variables(see)),
-            GoalKind::Call(_, args) => args.iter().for_each(|arg| arg.variables(see)),
-            GoalKind::CallValue(goal, args) | GoalKind::Fun(_, args, goal) => {
-                args.iter().chain([goal]).for_each(|arg| arg.variables(see));
-            }
-            GoalKind::Unify(a, b) | GoalKind::Matches(a, b) | GoalKind::Identical(a, b) => {
-                [a, b].into_iter().for_each(|term| term.variables(see));
-            }
-            GoalKind::Compare(_, a, b) => [a, b].into_iter().for_each(|number| number.variables(see)),
-            GoalKind::Is(result, number) => {
-                result.variables(see);
-                number.variables(see);
-            }
-            GoalKind::Collect(_, template, goal, result)
-            | GoalKind::Bag { template, goal, list: result, .. } => {
-                [template, result].into_iter().for_each(|term| term.variables(see));
-                goal.variables(see);
-            }
-        }
-    }
-}
-
 /// A clause: `(<- (head …) goal…)`.
 #[derive(Debug, Clone)]
 pub struct Clause {
@@ -273,4 +213,99 @@ pub struct Declared {
     pub tabled: bool,
     /// Its definition.
     pub place: Place,
+}
+
+impl Term {
+    /// Visits its variables, each as often as it stands there.
+    pub fn each_var(&self, visit: &mut dyn FnMut(VarNo)) {
+        match self {
+            Term::Var(var) => visit(*var),
+            Term::Any | Term::Const(_) => {}
+            Term::Pair(..) => {
+                let mut at = self;
+                while let Term::Pair(first, rest) = at {
+                    first.each_var(visit);
+                    at = rest;
+                }
+                at.each_var(visit);
+            }
+            Term::Vector(items) => items.iter().for_each(|item| item.each_var(visit)),
+            Term::Map(entries) => entries.iter().for_each(|entry| entry.1.each_var(visit)),
+            Term::Desc(_, properties) => properties.iter().for_each(|it| it.1.each_var(visit)),
+        }
+    }
+
+    /// True if this variable is part of it.
+    #[must_use]
+    pub fn has_var(&self, var: VarNo) -> bool {
+        let mut found = false;
+        self.each_var(&mut |it| found |= it == var);
+        found
+    }
+}
+
+impl Number {
+    /// Visits its variables, each as often as it stands there.
+    pub fn each_var(&self, visit: &mut dyn FnMut(VarNo)) {
+        match self {
+            Number::Term(term) => term.each_var(visit),
+            Number::Op(_, a, b) => {
+                a.each_var(visit);
+                b.each_var(visit);
+            }
+        }
+    }
+}
+
+impl Goal {
+    /// Visits its variables, each as often as it stands there.
+    pub fn each_var(&self, visit: &mut dyn FnMut(VarNo)) {
+        match &self.kind {
+            GoalKind::True | GoalKind::False | GoalKind::Cut => {}
+            GoalKind::And(goals) | GoalKind::Or(goals) => goals.iter().for_each(|it| it.each_var(visit)),
+            GoalKind::Not(goal, _) | GoalKind::Once(goal) => goal.each_var(visit),
+            GoalKind::If { test, then, otherwise, .. } => {
+                test.each_var(visit);
+                then.each_var(visit);
+                if let Some(goal) = otherwise {
+                    goal.each_var(visit);
+                }
+            }
+            GoalKind::Call(_, args) => args.iter().for_each(|it| it.each_var(visit)),
+            GoalKind::CallValue(goal, args) => {
+                goal.each_var(visit);
+                args.iter().for_each(|it| it.each_var(visit));
+            }
+            GoalKind::Unify(a, b) | GoalKind::Matches(a, b) | GoalKind::Identical(a, b) => {
+                a.each_var(visit);
+                b.each_var(visit);
+            }
+            GoalKind::Compare(_, a, b) => {
+                a.each_var(visit);
+                b.each_var(visit);
+            }
+            GoalKind::Is(term, number) => {
+                number.each_var(visit);
+                term.each_var(visit);
+            }
+            GoalKind::Fun(_, args, result) => {
+                args.iter().for_each(|it| it.each_var(visit));
+                result.each_var(visit);
+            }
+            GoalKind::Collect(_, template, goal, result) => {
+                template.each_var(visit);
+                goal.each_var(visit);
+                result.each_var(visit);
+            }
+            GoalKind::Bag { template, goal, list, .. } => {
+                template.each_var(visit);
+                goal.each_var(visit);
+                list.each_var(visit);
+            }
+            GoalKind::ForAll(test, goal) => {
+                test.each_var(visit);
+                goal.each_var(visit);
+            }
+        }
+    }
 }

@@ -1,19 +1,77 @@
 //! Rules: Horn clauses over facts, trees and values.
 //!
-//! [`clause`] is what the compiler makes of the text; [`show`] is the way back.
+//! [`clause`] is what the compiler makes of the text, [`lower`] makes instructions of it ([`op`]),
+//! [`engine`] runs them on the terms of a [`store`]. [`index`] finds the clauses and facts that can
+//! answer a call; [`tabling`] keeps what has been answered; [`native`] and [`tree`] are predicates that
+//! are written in Rust; [`why`] explains, with the clauses as text ([`show`]).
 
 pub mod clause;
+mod collect;
+pub mod engine;
+pub mod index;
+pub mod lower;
+pub mod native;
+pub mod op;
 pub mod show;
+pub mod store;
+pub mod stream;
+mod structure;
+pub mod tabling;
+pub mod tree;
+pub mod why;
 
-use clause::{Clause, Declared, PredId};
+use std::rc::Rc;
 
-use crate::value::Value;
+use clause::{Clause, Declared, Kind, PredId};
+use index::{ClauseIndex, Facts};
+use lower::Keys;
+use native::NativeRule;
+use op::RuleOp;
+use store::{CONSTANT, Cell, Outside};
+
+use crate::code::{Pc, Place};
+use crate::tree::SlotId;
+use crate::value::{Symbol, Value};
 
 /// All rules of a program. Like its code it only grows, but clauses may be taken away.
-#[derive(Default)]
 pub struct Rules {
     /// The predicates.
     pub predicates: Vec<Predicate>,
+    /// Instructions of all clauses.
+    pub code: Vec<RuleOp>,
+    /// Where each instruction comes from.
+    pub places: Vec<Place>,
+    /// Which predicate the instructions from here on belong to.
+    pub extents: Vec<(Pc, PredId)>,
+    /// Lists of clauses that indexes refer to.
+    pub lists: Vec<Pc>,
+    /// Constants of clauses and facts.
+    pub constants: Rc<Vec<Value>>,
+    /// The same as cells.
+    pub cells: Vec<Cell>,
+    /// Shapes and keys of structures in clauses.
+    pub templates: Vec<Keys>,
+    constant_index: rustc_hash::FxHashMap<u64, Vec<u32>>,
+    /// Predicates that have changed since they were compiled.
+    changed: Vec<PredId>,
+}
+
+impl Default for Rules {
+    fn default() -> Rules {
+        Rules {
+            predicates: Vec::new(),
+            // Where a query goes on when it holds, and a clause of a table.
+            code: vec![RuleOp::Answer, RuleOp::TableAnswer],
+            places: vec![Place::default(); 2],
+            extents: Vec::new(),
+            lists: Vec::new(),
+            constants: Rc::default(),
+            cells: Vec::new(),
+            templates: Vec::new(),
+            constant_index: rustc_hash::FxHashMap::default(),
+            changed: Vec::new(),
+        }
+    }
 }
 
 /// A predicate with its clauses.
@@ -24,6 +82,11 @@ pub struct Predicate {
     pub clauses: Vec<Clause>,
     /// The arguments of its facts.
     pub facts: Vec<Vec<Value>>,
+    /// It is code, and nothing more has to be looked at.
+    is_plain: bool,
+    index: ClauseIndex,
+    table: Rc<Facts>,
+    native: Option<NativeRule>,
 }
 
 /// What a query asks for.
@@ -37,10 +100,35 @@ pub enum Ask {
     Stream,
 }
 
+/// What a query sees besides rules: all as it was when the query was opened.
+#[derive(Clone, Default)]
+pub struct View {
+    /// Facts that are in force for a while, the newest first.
+    pub scoped: Vec<(PredId, Rc<Facts>)>,
+}
+
+impl Outside for View {
+    fn task(&self, _slot: SlotId) -> Value {
+        Value::NIL
+    }
+}
+
 impl Rules {
     /// A new predicate without clauses.
     pub fn declare(&mut self, declared: Declared) -> PredId {
-        self.predicates.push(Predicate { declared, clauses: Vec::new(), facts: Vec::new() });
+        let native = match declared.kind {
+            Kind::Native => native::find(&declared.name, declared.arity),
+            _ => None,
+        };
+        self.predicates.push(Predicate {
+            declared,
+            clauses: Vec::new(),
+            facts: Vec::new(),
+            is_plain: false,
+            index: ClauseIndex::default(),
+            table: Rc::default(),
+            native,
+        });
         PredId(self.predicates.len() as u32 - 1)
     }
 
@@ -49,28 +137,109 @@ impl Rules {
         let Some(predicate) = self.predicates.get_mut(clause.predicate.at()) else { return };
         let rank = |it: &Clause| (std::cmp::Reverse(it.priority), std::cmp::Reverse(it.text));
         let at = predicate.clauses.partition_point(|it| rank(it) <= rank(&clause));
+        self.changed.push(clause.predicate);
         predicate.clauses.insert(at, clause);
     }
 
     /// Adds a fact.
     pub fn add_fact(&mut self, predicate: PredId, args: Vec<Value>) {
-        if let Some(predicate) = self.predicates.get_mut(predicate.at()) {
-            predicate.facts.push(args);
+        if let Some(it) = self.predicates.get_mut(predicate.at()) {
+            it.facts.push(args);
+            self.changed.push(predicate);
         }
     }
 
     /// Forgets the clauses and facts of a predicate.
     pub fn clear(&mut self, predicate: PredId) {
-        if let Some(predicate) = self.predicates.get_mut(predicate.at()) {
-            predicate.clauses.clear();
-            predicate.facts.clear();
+        if let Some(it) = self.predicates.get_mut(predicate.at()) {
+            it.clauses.clear();
+            it.facts.clear();
+            self.changed.push(predicate);
         }
     }
-}
 
-/// True if a predicate of this name is written in Rust.
-// FIXME: look it up among the natives; there are none yet.
-#[must_use]
-pub fn native(_name: &str, _arity: u8) -> bool {
-    true
+    /// Forgets those clauses of a predicate that stand at a place.
+    pub fn forget(&mut self, predicate: PredId, place: Place) {
+        let inside = |it: Place| it.file == place.file && place.start <= it.start && it.end <= place.end;
+        if let Some(it) = self.predicates.get_mut(predicate.at()) {
+            it.clauses.retain(|clause| !inside(clause.place));
+            self.changed.push(predicate);
+        }
+    }
+
+    /// Compiles what has changed. Returns the clauses that have too many variables.
+    pub fn link(&mut self) -> Vec<Place> {
+        let mut changed = std::mem::take(&mut self.changed);
+        changed.sort();
+        changed.dedup();
+        let mut refused = Vec::new();
+        for id in changed {
+            let clauses = std::mem::take(&mut self.predicates[id.at()].clauses);
+            let mut code = Vec::with_capacity(clauses.len());
+            for clause in &clauses {
+                match lower::lower(self, clause) {
+                    Ok(lowered) => code.push((lowered.entry, lowered.keys)),
+                    Err(lower::TooManyVariables) => refused.push(clause.place),
+                }
+            }
+            let facts = std::mem::take(&mut self.predicates[id.at()].facts);
+            let cells = facts.iter().flatten().map(|value| self.cell(value)).collect();
+            let index = ClauseIndex::new(&code, &mut self.lists);
+            let it = &mut self.predicates[id.at()];
+            it.table = Rc::new(Facts::new(it.declared.arity.into(), cells));
+            (it.clauses, it.facts, it.index) = (clauses, facts, index);
+            it.is_plain = it.table.is_empty() && it.native.is_none() && !it.declared.tabled;
+        }
+        refused
+    }
+
+    /// A constant as its number.
+    pub fn constant(&mut self, value: &Value) -> u32 {
+        let known = self.constant_index.entry(index::hash_value(value)).or_default();
+        if let Some(at) = known.iter().find(|at| self.constants[**at as usize] == *value) {
+            return *at;
+        }
+        let at = self.constants.len() as u32;
+        known.push(at);
+        Rc::make_mut(&mut self.constants).push(value.clone());
+        self.cells.push(match value {
+            Value::Imm(imm) => Cell::Imm(*imm),
+            Value::Obj(_) => Cell::Obj(CONSTANT + at),
+        });
+        at
+    }
+
+    /// A constant as a cell.
+    pub fn cell(&mut self, value: &Value) -> Cell {
+        match value {
+            Value::Imm(imm) => Cell::Imm(*imm),
+            Value::Obj(_) => {
+                let at = self.constant(value);
+                self.cells[at as usize]
+            }
+        }
+    }
+
+    /// The predicate of this name and number of arguments that was declared last.
+    #[must_use]
+    pub fn find(&self, name: Symbol, arity: usize) -> Option<PredId> {
+        let at = self
+            .predicates
+            .iter()
+            .rposition(|it| it.declared.name == name && usize::from(it.declared.arity) == arity)?;
+        Some(PredId(at as u32))
+    }
+
+    /// One past the last instruction of a clause.
+    fn clause_end(&self, pc: Pc) -> Pc {
+        let after = self.extents.partition_point(|(entry, _)| *entry <= pc);
+        self.extents.get(after).map_or(Pc(self.code.len() as u32), |next| next.0)
+    }
+
+    /// The predicate that an instruction belongs to.
+    #[must_use]
+    pub fn predicate_at(&self, pc: Pc) -> Option<PredId> {
+        let after = self.extents.partition_point(|(entry, _)| *entry <= pc);
+        Some(self.extents.get(after.checked_sub(1)?)?.1)
+    }
 }

@@ -235,8 +235,8 @@ impl<'a> Text<'a> {
     /// Variables of the goal that are neither in the template nor group the answers stand under `exists`.
     fn bag(&mut self, template: &Term, by: &[VarNo], goal: &Goal, list: &Term, set: bool) {
         let mut inside = Vec::new();
-        goal.variables(&mut |var| inside.push(var));
-        template.variables(&mut |var| inside.retain(|other| *other != var));
+        goal.each_var(&mut |var| inside.push(var));
+        template.each_var(&mut |var| inside.retain(|other| *other != var));
         inside.retain(|var| !by.contains(var));
         inside.sort_unstable();
         inside.dedup();
