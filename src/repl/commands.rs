@@ -159,7 +159,7 @@ fn code(prompt: &Prompt, name: &str) {
                 term::say(&vm::disasm::function(&session.machine.program, id));
             }
             Meaning::Native(..) => term::say(&format!("{name} is written in Rust: it has no instructions\n")),
-            Meaning::Const(_) | Meaning::Failure(_) => {
+            Meaning::Const(_) | Meaning::Failure(_) | Meaning::Predicate(..) => {
                 term::say(&format!("{name} is {}: it has no instructions\n", definition.meaning.words()))
             }
         },

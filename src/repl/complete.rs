@@ -2,14 +2,20 @@
 
 use std::collections::BTreeSet;
 
+use compiler::module::predicate_key;
 use pleach::Session;
+use vm::value::Symbol;
 
 use super::commands;
 
 /// All names that can be typed.
 pub fn names(session: &Session) -> Vec<String> {
     let visible = session.front.modules.visible(session.module).into_iter().map(|name| name.to_string());
-    let forms = compiler::special_forms().iter().map(|(name, _)| (*name).to_string());
+    // A predicate is typed without its number of arguments.
+    let bare = |name: String| predicate_key(Symbol::from(&name)).map_or(name, |(name, _)| name.to_string());
+    let visible = visible.map(bare);
+    let forms = compiler::special_forms().iter().chain(compiler::goal_forms());
+    let forms = forms.map(|(name, _)| (*name).to_string());
     let failures = session.machine.program.failures.iter().map(|it| it.name.to_string());
     let all: BTreeSet<String> = visible.chain(forms).chain(failures).collect();
     all.into_iter().collect()

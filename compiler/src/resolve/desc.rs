@@ -16,7 +16,7 @@ use crate::module::nearest;
 const OF_ACTIONS: [&str; 4] = ["target", "object", "arm", "goal"];
 
 /// True for forms that describe an entity, or try to.
-pub(super) fn is_description(form: &Form) -> bool {
+pub(crate) fn is_description(form: &Form) -> bool {
     let Some(items) = form.list() else { return false };
     matches!(form.head().as_ref().map(|head| head.as_str()), Some("a" | "an"))
         && items.get(1).is_some_and(|kind| kind.symbol().is_some())
@@ -26,13 +26,26 @@ impl Compiler<'_> {
     /// `(an action (type fetching) …)`. With `free`, variables `?x` that are not bound are
     /// variables of a pattern.
     pub(super) fn description(&mut self, scope: &mut Scope, form: &Form, free: bool) -> Expr {
+        let described = self.described(form, &mut |it, value| it.property_value(scope, value, free));
+        match described {
+            Some((kind, properties)) => Expr::new(ExprKind::Desc(kind, properties), form.span),
+            None => Expr::nil(form.span),
+        }
+    }
+
+    /// Kind and properties of a description, each value read by `read`.
+    pub(crate) fn described<T>(
+        &mut self,
+        form: &Form,
+        read: &mut dyn FnMut(&mut Self, &Form) -> T,
+    ) -> Option<(Symbol, Vec<(Symbol, T)>)> {
         let span = form.span;
         let items = form.list().unwrap_or_default();
         let Some(kind) = items.get(1).and_then(Form::symbol) else {
             let shape = "(an action (key value) …)".into();
             let problem = "needs the kind of the entity".into();
             self.error(CompileError::Shape { form: "an".into(), problem, shape, at: span });
-            return Expr::nil(span);
+            return None;
         };
         if !KINDS.contains(&kind.as_str()) {
             let kind = match nearest(&kind, KINDS) {
@@ -41,10 +54,10 @@ impl Compiler<'_> {
             };
             self.error(CompileError::DescKind { kind, at: items[1].span });
         }
-        let mut properties: Vec<(Symbol, Expr)> = Vec::new();
+        let mut properties: Vec<(Symbol, T)> = Vec::new();
         let mut places: Vec<Span> = Vec::new();
         for item in &items[2..] {
-            let Some((key, value)) = self.property(scope, item, free) else { continue };
+            let Some((key, value)) = self.property(item, read) else { continue };
             if let Some(first) = properties.iter().position(|(known, _)| *known == key) {
                 let (again, first) = (item.span, places[first]);
                 self.error(CompileError::DescDuplicate { key: key.to_string(), again, first });
@@ -56,10 +69,14 @@ impl Compiler<'_> {
         if kind == "action" {
             self.warn_misplaced(items, span);
         }
-        Expr::new(ExprKind::Desc(kind, properties), span)
+        Some((kind, properties))
     }
 
-    fn property(&mut self, scope: &mut Scope, item: &Form, free: bool) -> Option<(Symbol, Expr)> {
+    fn property<T>(
+        &mut self,
+        item: &Form,
+        read: &mut dyn FnMut(&mut Self, &Form) -> T,
+    ) -> Option<(Symbol, T)> {
         let mut wrong = |detail: String, help: Option<String>| {
             self.error(CompileError::DescProperty { detail, at: item.span, help });
             None
@@ -69,7 +86,7 @@ impl Compiler<'_> {
         };
         let Some(key) = item.head() else { return wrong(", with a symbol as key".into(), None) };
         match parts {
-            [_, value] => Some((key, self.property_value(scope, value, free))),
+            [_, value] => Some((key, read(self, value))),
             [_] => wrong(format!("; `{key}` has no value"), Some(format!("write ({key} value)"))),
             _ => wrong(
                 format!("; `{key}` has several values"),

@@ -6,7 +6,7 @@ use vm::machine::ForkKind;
 use vm::path::{Path, PathStep};
 use vm::value::{Obj, Symbol, Value};
 
-use super::{Around, Scope};
+use super::{Around, Scope, queries};
 use crate::Compiler;
 use crate::ast::{Callee, Clause, Expr, ExprKind, VarId};
 use crate::data::{MOST_NESTED, Places, to_value};
@@ -71,6 +71,11 @@ specials! {
     "partial-order" "(partial-order ((:tag name form) …) (:order name name) …)" => |it, scope, form, args| it.partial_order(scope, form, args);
     "with-timeout" "(with-timeout seconds body…)" => |it, scope, form, args| it.with_timeout(scope, form, args);
     "fl" "(fl expression)" => |it, scope, form, args| it.derived_fluent(scope, form, args);
+    "ask" "(ask goal)" => queries::ask;
+    "answers" "(answers template goal)" => queries::answers;
+    "query" "(query goal)" => queries::query;
+    "for-each-answer" "(for-each-answer (?x …) goal body…)" => queries::for_each_answer;
+    "with-facts" "(with-facts ((predicate argument …) …) body…)" => queries::with_facts;
     "path" "(path name (name :call n) …)" => path;
     "original" "(original)" => original;
     "expect" "(expect expression)" => expect;
@@ -86,6 +91,12 @@ specials! {
     "def-open-fun" "(def-open-fun name (params…) \"doc\")" => not_at_top;
     "extend" "(extend name (params…) body…)" => not_at_top;
     "def-test" "(def-test name body…)" => not_at_top;
+    "def-rules" "(def-rules name :tabled \"doc\" (<- (head …) goal…) …)" => not_at_top;
+    "<-" "(<- (head …) :priority n goal…)" => |it, _, form, _| it.outside(form, "`def-rules`", None);
+    "def-facts" "(def-facts name \"doc\" (predicate argument …) …)" => not_at_top;
+    "def-open" "(def-open name arity \"doc\")" => not_at_top;
+    "def-native-rule" "(def-native-rule name (?argument …) \"doc\")" => not_at_top;
+    "use-rules" "(use-rules \"file.pl\")" => not_at_top;
 }
 
 impl Compiler<'_> {
@@ -185,7 +196,7 @@ fn let_star(it: &mut Compiler<'_>, scope: &mut Scope, form: &Form, args: &[Form]
 }
 
 /// A list of the form's own syntax. The empty one is nil where a macro or an edit has made it.
-fn list_or_nil(form: &Form) -> Option<&[Form]> {
+pub(super) fn list_or_nil(form: &Form) -> Option<&[Form]> {
     if form.is("nil") { Some(&[]) } else { form.list() }
 }
 
@@ -374,7 +385,7 @@ fn or(it: &mut Compiler<'_>, scope: &mut Scope, form: &Form, args: &[Form]) -> E
 // Loops
 
 /// Resolves the body of a loop.
-fn loop_body(it: &mut Compiler<'_>, scope: &mut Scope, body: &[Form]) -> Vec<Expr> {
+pub(super) fn loop_body(it: &mut Compiler<'_>, scope: &mut Scope, body: &[Form]) -> Vec<Expr> {
     scope.around.push(Around::Loop);
     let body = it.body(scope, body);
     scope.around.pop();

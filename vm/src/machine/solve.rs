@@ -90,7 +90,9 @@ impl Machine {
 
     /// A part of a stream.
     pub(super) fn stream_part(&mut self, d: u8, value: &Value, part: Part) -> Slow {
-        let Some(Obj::Stream(stream)) = value.obj() else { return Err(type_error("a stream of answers", value)) };
+        let Some(Obj::Stream(stream)) = value.obj() else {
+            return Err(type_error("a stream of answers", value));
+        };
         if let Some(engine) = stream.take() {
             return self.solve(d, engine, Want::Stream(value.clone(), part));
         }

@@ -245,7 +245,8 @@ impl Term {
 }
 
 impl Number {
-    fn each_var(&self, visit: &mut dyn FnMut(VarNo)) {
+    /// Visits its variables, each as often as it stands there.
+    pub fn each_var(&self, visit: &mut dyn FnMut(VarNo)) {
         match self {
             Number::Term(term) => term.each_var(visit),
             Number::Op(_, a, b) => {

@@ -269,7 +269,8 @@ impl Engine {
         let code: &[RuleOp] = &rules.code;
         'window: loop {
             let (mut pc, base) = (self.pc as usize, self.base as usize);
-            let Some(w) = self.stack.get_mut(base..).and_then(|above| above.first_chunk_mut::<WINDOW>()) else {
+            let Some(w) = self.stack.get_mut(base..).and_then(|above| above.first_chunk_mut::<WINDOW>())
+            else {
                 return Ok(Out::Grow);
             };
             let store = &mut self.store;
@@ -405,7 +406,9 @@ impl Engine {
                         let template = &rules.templates[t.0 as usize];
                         let cell = store.open(at!(a));
                         let holds = match cell {
-                            Cell::Struct(at) => super::structure::take_apart(store, at, template, &mut w[s as usize..]),
+                            Cell::Struct(at) => {
+                                super::structure::take_apart(store, at, template, &mut w[s as usize..])
+                            }
                             Cell::Ref(var) => {
                                 let values = &mut w[s as usize..][..template.values as usize];
                                 values.iter_mut().for_each(|value| *value = store.fresh());
@@ -616,8 +619,13 @@ impl Engine {
                     }
                     RuleOp::Groups(window, set) => {
                         self.pc = pc as u32;
-                        let groups = Groups::new(store, at!(window + 1), set, &self.view).map_err(too_large)?;
-                        self.push_choice((base as u32 + WINDOW as u32).max(self.top), 0, Alternative::Groups(window, groups));
+                        let groups =
+                            Groups::new(store, at!(window + 1), set, &self.view).map_err(too_large)?;
+                        self.push_choice(
+                            (base as u32 + WINDOW as u32).max(self.top),
+                            0,
+                            Alternative::Groups(window, groups),
+                        );
                         return Ok(Out::Back);
                     }
                 }
@@ -693,11 +701,7 @@ impl Engine {
                 Found::No => Ok(false),
                 Found::Yes => Ok(self.proceed()),
                 Found::Many(alternatives) => {
-                    self.push_choice(
-                        self.base.max(self.top),
-                        arity,
-                        Alternative::Native(alternatives),
-                    );
+                    self.push_choice(self.base.max(self.top), arity, Alternative::Native(alternatives));
                     Ok(false)
                 }
             };
@@ -1046,6 +1050,10 @@ pub(super) fn too_large(_: TooLarge) -> Raise {
 
 fn floundering(var: &Value) -> Raise {
     let name = crate::print::brief(var);
-    let message = format!("`{name}` has no value where its negation is asked: a goal before must give it one");
-    Box::new(Failure::with(Builtin::Floundering, vec![("message", Value::str(message)), ("variable", var.clone())]))
+    let message =
+        format!("`{name}` has no value where its negation is asked: a goal before must give it one");
+    Box::new(Failure::with(
+        Builtin::Floundering,
+        vec![("message", Value::str(message)), ("variable", var.clone())],
+    ))
 }

@@ -63,7 +63,8 @@ type Lower = Result<(), TooManyVariables>;
 /// [`TooManyVariables`]
 pub fn lower(rules: &mut Rules, clause: &Clause) -> Result<Lowered, TooManyVariables> {
     let entry = Pc(rules.code.len() as u32);
-    let keys = clause.head.iter().map(|term| if clause.open { None } else { super::index::Key::of(term) }).collect();
+    let keys =
+        clause.head.iter().map(|term| if clause.open { None } else { super::index::Key::of(term) }).collect();
     let arity = clause.head.len();
     let mut registers = vec![0; clause.vars.len()];
     let mut placed = vec![false; clause.vars.len()];
@@ -201,7 +202,11 @@ impl Lowering<'_> {
     }
 
     /// A part of a list cell that is looked at; what is more than a variable is looked at later.
-    fn part<'t>(&mut self, term: &'t Term, later: &mut Vec<(u8, &'t Term)>) -> Result<Part, TooManyVariables> {
+    fn part<'t>(
+        &mut self,
+        term: &'t Term,
+        later: &mut Vec<(u8, &'t Term)>,
+    ) -> Result<Part, TooManyVariables> {
         Ok(match term {
             Term::Any => Part::Any,
             Term::Const(value) if value.is_nil() => Part::Nil,
@@ -414,11 +419,7 @@ impl Lowering<'_> {
         }
     }
 
-    fn alternatives(
-        &mut self,
-        goals: &[Goal],
-        each: &mut dyn FnMut(&mut Self, &Goal) -> Lower,
-    ) -> Lower {
+    fn alternatives(&mut self, goals: &[Goal], each: &mut dyn FnMut(&mut Self, &Goal) -> Lower) -> Lower {
         let Some((last, goals)) = goals.split_last() else { return Ok(()) };
         for goal in goals {
             let attempt = self.try_else();
@@ -742,9 +743,9 @@ fn is_chain(goal: &Goal) -> bool {
     };
     match &goal.kind {
         GoalKind::Call(..) => true,
-        GoalKind::And(goals) => goals.split_last().is_some_and(|(last, goals)| {
-            goals.iter().all(simple) && matches!(last.kind, GoalKind::Call(..))
-        }),
+        GoalKind::And(goals) => goals
+            .split_last()
+            .is_some_and(|(last, goals)| goals.iter().all(simple) && matches!(last.kind, GoalKind::Call(..))),
         _ => false,
     }
 }

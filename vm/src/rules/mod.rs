@@ -3,7 +3,7 @@
 //! [`clause`] is what the compiler makes of the text, [`lower`] makes instructions of it ([`op`]),
 //! [`engine`] runs them on the terms of a [`store`]. [`index`] finds the clauses and facts that can
 //! answer a call; [`tabling`] keeps what has been answered; [`native`] and [`tree`] are predicates that
-//! are written in Rust; [`why`] explains.
+//! are written in Rust; [`why`] explains, with the clauses as text ([`show`]).
 
 pub mod clause;
 mod collect;
@@ -12,6 +12,7 @@ pub mod index;
 pub mod lower;
 pub mod native;
 pub mod op;
+pub mod show;
 pub mod store;
 pub mod stream;
 mod structure;
@@ -163,6 +164,15 @@ impl Rules {
         }
     }
 
+    /// Forgets those clauses of a predicate that stand at a place.
+    pub fn forget(&mut self, predicate: PredId, place: Place) {
+        let inside = |it: Place| it.file == place.file && place.start <= it.start && it.end <= place.end;
+        if let Some(it) = self.predicates.get_mut(predicate.at()) {
+            it.clauses.retain(|clause| !inside(clause.place));
+            self.changed.push(predicate);
+        }
+    }
+
     /// Compiles what has changed. Returns the clauses that have too many variables.
     pub fn link(&mut self) -> Vec<Place> {
         let mut changed = std::mem::take(&mut self.changed);
@@ -247,7 +257,10 @@ impl Rules {
     /// The predicate of this name and number of arguments that was declared last.
     #[must_use]
     pub fn find(&self, name: Symbol, arity: usize) -> Option<PredId> {
-        let at = self.predicates.iter().rposition(|it| it.declared.name == name && usize::from(it.declared.arity) == arity)?;
+        let at = self
+            .predicates
+            .iter()
+            .rposition(|it| it.declared.name == name && usize::from(it.declared.arity) == arity)?;
         Some(PredId(at as u32))
     }
 

@@ -107,7 +107,9 @@ pub const TABLE: &[(&str, u8, NativeRule)] = &[
     ("number?", 1, |call| Call::test(matches!(call.arg(0), Cell::Imm(Imm::Int(_) | Imm::Float(_))))),
     ("integer?", 1, |call| Call::test(matches!(call.arg(0), Cell::Imm(Imm::Int(_))))),
     ("symbol?", 1, |call| Call::test(matches!(call.arg(0), Cell::Imm(Imm::Symbol(_))))),
-    ("string?", 1, |call| Call::test(matches!(call.arg(0), Cell::Obj(at) if call.store.object(at).as_str().is_some()))),
+    ("string?", 1, |call| {
+        Call::test(matches!(call.arg(0), Cell::Obj(at) if call.store.object(at).as_str().is_some()))
+    }),
     ("compare", 3, compare),
     ("property", 3, property),
 ];

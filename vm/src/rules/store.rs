@@ -217,7 +217,8 @@ impl Store {
                 self.structure(Shape::Vector, parts)
             }
             Obj::Map(map) => {
-                let parts: Vec<Cell> = map.iter().flat_map(|(k, v)| [self.import(k), self.import(v)]).collect();
+                let parts: Vec<Cell> =
+                    map.iter().flat_map(|(k, v)| [self.import(k), self.import(v)]).collect();
                 self.structure(Shape::Map, parts)
             }
             Obj::Desc(desc) => {
@@ -312,7 +313,8 @@ impl Store {
                 }
                 (Cell::Struct(a), Cell::Struct(b)) => {
                     if a != b {
-                        let (Cell::Head(s, n), Cell::Head(t, m)) = (self.heap[a as usize], self.heap[b as usize])
+                        let (Cell::Head(s, n), Cell::Head(t, m)) =
+                            (self.heap[a as usize], self.heap[b as usize])
                         else {
                             return Ok(false);
                         };

@@ -344,7 +344,8 @@ impl Engine {
         let it = &self.tables.tables[table as usize];
         let (rest, answer) = (&it.rests[n], &it.answers[answer]);
         let producer = rest.producer;
-        let arity = program.rules.predicates[self.tables.tables[producer as usize].predicate.at()].declared.arity;
+        let arity =
+            program.rules.predicates[self.tables.tables[producer as usize].predicate.at()].declared.arity;
         let mut vars = Vec::new();
         let mut cells = Vec::with_capacity(rest.kept.len());
         for kept in &rest.kept {
