@@ -88,6 +88,24 @@ impl Machine {
         Ok(None)
     }
 
+    /// The next answer for a loop over a stream: to register `d`, the rest to that after it.
+    pub(super) fn next_answer(&mut self, d: u8, end: Pc) -> Slow {
+        let stream = self.reg(d.wrapping_add(1)).clone();
+        if let Some((first, rest)) = stream.cell() {
+            *self.top().register(d.wrapping_add(1)) = rest;
+            return self.put(d, first);
+        }
+        if let Some(Obj::Stream(it)) = stream.obj()
+            && it.look(|state| matches!(state, State::End))
+        {
+            self.top().pc = end.0;
+            return Ok(None);
+        }
+        // When somebody has looked, the instruction is done again.
+        self.top().pc -= 1;
+        self.stream_part(d, &stream, Part::More)
+    }
+
     /// A part of a stream.
     pub(super) fn stream_part(&mut self, d: u8, value: &Value, part: Part) -> Slow {
         let Some(Obj::Stream(stream)) = value.obj() else {
