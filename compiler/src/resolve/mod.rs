@@ -23,7 +23,7 @@ use crate::error::CompileError;
 use crate::module::{Found, Meaning, ModuleId, nearest, predicate_key};
 use crate::rules::goal;
 
-pub(crate) use desc::is_description;
+pub(crate) use desc::is_description_in_rule;
 pub(crate) use params::ParamForms;
 
 /// Nobody reads the help of more errors than this, and finding it takes time.
