@@ -132,6 +132,8 @@ struct Run {
     raised: Raised,
     /// All plan calls take the long way, which tells the host of them.
     traced: bool,
+    /// The tree as rules see it, as it was after so many changes.
+    view: Option<(u64, Rc<crate::rules::view::TreeView>)>,
     /// The register of the run below that takes the tree.
     deliver: usize,
     /// Tells it from other runs.
@@ -168,6 +170,7 @@ impl Run {
             leaving: None,
             raised: Raised::default(),
             traced,
+            view: None,
             deliver: 0,
             number: 0,
         }

@@ -14,6 +14,7 @@ use crate::rules::engine::{Engine, Step};
 use crate::rules::index::Facts;
 use crate::rules::store::Cell;
 use crate::rules::stream::{State, Stream};
+use crate::rules::view::TreeView;
 use crate::rules::{Ask, View};
 use crate::value::{Imm, Obj, Value};
 
@@ -138,8 +139,27 @@ impl Machine {
             let arity = self.program.rules.predicates[predicate.at()].declared.arity;
             (predicate, Rc::new(Facts::new(arity.into(), cells)))
         };
-        let _ = predicate;
-        View { scoped: scoped.into_iter().map(table).collect() }
+        let scoped = scoped.into_iter().map(table).collect();
+        let tree = match self.program.rules.sees_tree(predicate) {
+            true => self.tree_view(),
+            false => Rc::default(),
+        };
+        View { scoped, tree }
+    }
+
+    /// The tree of the run as rules see it. It is made again when the tree has changed.
+    fn tree_view(&mut self) -> Rc<TreeView> {
+        let program = &self.program;
+        let Some(run) = self.runs.last_mut() else { return Rc::default() };
+        let changes = run.tree.changes;
+        match &run.view {
+            Some((known, view)) if *known == changes => view.clone(),
+            _ => {
+                let view = Rc::new(TreeView::of(program, &run.tree));
+                run.view = Some((changes, view.clone()));
+                view
+            }
+        }
     }
 
     /// The next stretch of a query: its driver has the frame.

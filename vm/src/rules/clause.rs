@@ -258,6 +258,22 @@ impl Number {
 }
 
 impl Goal {
+    /// True if it calls a predicate of which this is true, or one that is known only when it runs.
+    pub fn calls(&self, wanted: &dyn Fn(PredId) -> bool) -> bool {
+        match &self.kind {
+            GoalKind::And(goals) | GoalKind::Or(goals) => goals.iter().any(|it| it.calls(wanted)),
+            GoalKind::Not(goal, _) | GoalKind::Once(goal) => goal.calls(wanted),
+            GoalKind::If { test, then, otherwise, .. } => {
+                test.calls(wanted) || then.calls(wanted) || otherwise.as_ref().is_some_and(|it| it.calls(wanted))
+            }
+            GoalKind::Call(predicate, _) => wanted(*predicate),
+            GoalKind::CallValue(..) => true,
+            GoalKind::Collect(_, _, goal, _) | GoalKind::Bag { goal, .. } => goal.calls(wanted),
+            GoalKind::ForAll(test, goal) => test.calls(wanted) || goal.calls(wanted),
+            _ => false,
+        }
+    }
+
     /// Visits its variables, each as often as it stands there.
     pub fn each_var(&self, visit: &mut dyn FnMut(VarNo)) {
         match &self.kind {

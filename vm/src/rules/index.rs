@@ -76,7 +76,7 @@ impl Key {
             Cell::Pair(_) => Key::Pair,
             Cell::Struct(at) => Key::Struct(store.parts(at).0 as u8),
             Cell::Obj(at) => Key::of_value(store.object(at)),
-            Cell::Task(slot) => Key::Value(u64::from(slot.0) ^ (1 << 62)),
+            Cell::Task(task) => Key::Value(u64::from(task) ^ (1 << 62)),
             Cell::Head(..) => return None,
         })
     }
@@ -340,7 +340,7 @@ fn fact_key(store: &Store, cell: Cell) -> Option<u64> {
     match cell {
         Cell::Imm(imm) => Some(hash_imm(&imm)),
         Cell::Obj(at) => Some(hash_value(store.object(at))),
-        Cell::Task(slot) => Some(u64::from(slot.0) ^ (1 << 62)),
+        Cell::Task(task) => Some(u64::from(task) ^ (1 << 62)),
         _ => None,
     }
 }

@@ -18,6 +18,7 @@ pub mod stream;
 mod structure;
 pub mod tabling;
 pub mod tree;
+pub mod view;
 pub mod why;
 
 use std::rc::Rc;
@@ -30,8 +31,8 @@ use op::RuleOp;
 use store::{CONSTANT, Cell, Outside};
 
 use crate::code::{Pc, Place};
-use crate::tree::SlotId;
-use crate::value::{Symbol, Value};
+use crate::value::{Obj, Symbol, Value};
+use view::TreeView;
 
 /// All rules of a program. Like its code it only grows, but clauses may be taken away.
 pub struct Rules {
@@ -87,6 +88,8 @@ pub struct Predicate {
     index: ClauseIndex,
     table: Rc<Facts>,
     native: Option<NativeRule>,
+    /// A query for it may look at a tree.
+    sees_tree: bool,
 }
 
 /// What a query asks for.
@@ -105,11 +108,13 @@ pub enum Ask {
 pub struct View {
     /// Facts that are in force for a while, the newest first.
     pub scoped: Vec<(PredId, Rc<Facts>)>,
+    /// The task tree.
+    pub tree: Rc<TreeView>,
 }
 
 impl Outside for View {
-    fn task(&self, _slot: SlotId) -> Value {
-        Value::NIL
+    fn task(&self, task: u32) -> Value {
+        Value::new(Obj::Path(Box::new(self.tree.path(task))))
     }
 }
 
@@ -128,6 +133,7 @@ impl Rules {
             index: ClauseIndex::default(),
             table: Rc::default(),
             native,
+            sees_tree: false,
         });
         PredId(self.predicates.len() as u32 - 1)
     }
@@ -190,7 +196,35 @@ impl Rules {
             (it.clauses, it.facts, it.index) = (clauses, facts, index);
             it.is_plain = it.table.is_empty() && it.native.is_none() && !it.declared.tabled;
         }
+        self.look_for_trees();
         refused
+    }
+
+    /// Finds out which predicates may look at a tree.
+    fn look_for_trees(&mut self) {
+        let on_trees = |it: &Predicate| tree::TABLE.iter().any(|native| it.declared.name == native.0);
+        for it in &mut self.predicates {
+            it.sees_tree = it.native.is_some() && on_trees(it);
+        }
+        loop {
+            let sees = |id: PredId| self.predicates[id.at()].sees_tree;
+            let more: Vec<usize> = (0..self.predicates.len())
+                .filter(|at| {
+                    let it = &self.predicates[*at];
+                    !it.sees_tree && it.clauses.iter().any(|clause| clause.body.calls(&sees))
+                })
+                .collect();
+            if more.is_empty() {
+                return;
+            }
+            more.into_iter().for_each(|at| self.predicates[at].sees_tree = true);
+        }
+    }
+
+    /// True if a query for the predicate may look at a tree.
+    #[must_use]
+    pub fn sees_tree(&self, predicate: PredId) -> bool {
+        self.predicates.get(predicate.at()).is_some_and(|it| it.sees_tree)
     }
 
     /// A constant as its number.

@@ -14,7 +14,6 @@ use std::cmp::Ordering;
 use std::rc::Rc;
 
 use crate::desc::Desc;
-use crate::tree::SlotId;
 use crate::value::{Imm, Map, Obj, Symbol, Value, equal};
 
 /// A term, or a reference to one.
@@ -32,8 +31,8 @@ pub enum Cell {
     Head(Shape, u32),
     /// A value of [`Store::objects`]; beyond [`CONSTANT`] one of [`Store::constants`].
     Obj(u32),
-    /// A task of the tree that is asked.
-    Task(SlotId),
+    /// A task of the tree that is asked, by its number there.
+    Task(u32),
 }
 
 const _: () = assert!(size_of::<Cell>() == 16);
@@ -563,7 +562,7 @@ impl Store {
                 Work::Enter(cell) => match self.deref(cell) {
                     Cell::Imm(imm) => done.push(Value::Imm(imm)),
                     Cell::Obj(at) => done.push(self.object(at).clone()),
-                    Cell::Task(slot) => done.push(outside.task(slot)),
+                    Cell::Task(task) => done.push(outside.task(task)),
                     Cell::Ref(at) => {
                         let n = vars.iter().position(|var| *var == at).unwrap_or_else(|| {
                             vars.push(at);
@@ -646,7 +645,7 @@ impl Store {
 /// What a store does not know of itself.
 pub trait Outside {
     /// The value that stands for a task of the tree.
-    fn task(&self, slot: SlotId) -> Value;
+    fn task(&self, task: u32) -> Value;
 }
 
 /// The name of the `n`-th variable that is not bound.
@@ -696,7 +695,7 @@ mod tests {
 
     struct Nobody;
     impl Outside for Nobody {
-        fn task(&self, _: SlotId) -> Value {
+        fn task(&self, _: u32) -> Value {
             Value::NIL
         }
     }
