@@ -16,10 +16,19 @@ use crate::module::nearest;
 const OF_ACTIONS: [&str; 4] = ["target", "object", "arm", "goal"];
 
 /// True for forms that describe an entity, or try to.
-pub(crate) fn is_description(form: &Form) -> bool {
+pub(super) fn is_description(form: &Form) -> bool {
     let Some(items) = form.list() else { return false };
     matches!(form.head().as_ref().map(|head| head.as_str()), Some("a" | "an"))
         && items.get(1).is_some_and(|kind| kind.symbol().is_some())
+}
+
+/// The same in rules, where `(a b c)` is a list like any other: the kind is one that there is, or is
+/// misspelled and followed by properties.
+pub(crate) fn is_description_in_rule(form: &Form) -> bool {
+    let [_, kind, properties @ ..] = form.list().unwrap_or_default() else { return false };
+    let kind = kind.symbol().unwrap_or_default();
+    let is_like = || nearest(&kind, KINDS).is_some() && properties.iter().all(|it| it.head().is_some());
+    is_description(form) && (KINDS.contains(&kind.as_str()) || (!properties.is_empty() && is_like()))
 }
 
 impl Compiler<'_> {

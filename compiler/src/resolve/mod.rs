@@ -23,7 +23,7 @@ use crate::error::CompileError;
 use crate::module::{Found, Meaning, ModuleId, nearest, predicate_key};
 use crate::rules::goal;
 
-pub(crate) use desc::is_description;
+pub(crate) use desc::is_description_in_rule;
 pub(crate) use params::ParamForms;
 
 /// Nobody reads the help of more errors than this, and finding it takes time.
@@ -283,13 +283,13 @@ impl Compiler<'_> {
         }
         let help = match near {
             _ if name == "." => Some("outside of rules and quoted data (a . b) is written (cons a b)".into()),
+            _ if goal::shape(&name).is_some() => {
+                Some(format!("it is a goal of rules and queries: {}", goal::shape(&name).unwrap_or_default()))
+            }
             _ if form.is_some() => form.map(|(_, shape)| format!("it is the head of a form: {shape}")),
             Some(near) => Some(format!("did you mean `{near}`?")),
             None if name.starts_with('?') => {
                 Some(format!("bind `{name}`, for example with `let` or `dolist`"))
-            }
-            None if goal::shape(&name).is_some() => {
-                Some(format!("it is a goal of rules and queries: {}", goal::shape(&name).unwrap_or_default()))
             }
             None => self.elsewhere(name),
         };

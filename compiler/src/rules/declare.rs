@@ -125,8 +125,8 @@ impl Compiler<'_> {
 
     /// Name and arguments of a head or fact.
     fn name_of<'f>(&mut self, group: &Form, head: &'f Form) -> Option<(Symbol, &'f [Form])> {
-        let name = head.head().filter(|name| !name.starts_with('?'));
-        let Some((name, args)) = name.zip(head.list().map(|items| &items[1..])) else {
+        let name = head.head().filter(|name| !name.starts_with('?') && *name != "<-");
+        let Some((name, args)) = name.zip(head.list().and_then(|items| items.get(1..))) else {
             let form = group.head().unwrap_or_default().to_string();
             let problem = "has a head that is not written (predicate argument …)".into();
             let shape =

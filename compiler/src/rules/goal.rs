@@ -111,7 +111,7 @@ impl Compiler<'_> {
     }
 
     fn goal_of(&mut self, rule: &mut Rule, form: &Form) -> GoalKind {
-        let Some((name, args)) = form.head().zip(form.list().map(|items| &items[1..])) else {
+        let Some((name, args)) = form.head().zip(form.list().and_then(|items| items.get(1..))) else {
             self.no_goal(rule, form);
             return GoalKind::True;
         };
@@ -142,14 +142,14 @@ impl Compiler<'_> {
         form: &Form,
     ) -> Option<(PredId, Vec<Term>, Rule)> {
         let mut rule = Rule::new(module);
-        form.head()?;
+        let name = form.head()?;
+        if let Some(shape) = shape(&name) {
+            let (name, shape) = (name.to_string(), shape.to_string());
+            self.error(CompileError::Reserved { name, shape, at: form.span });
+            return None;
+        }
         match self.goal(&mut rule, form).kind {
             GoalKind::Call(predicate, args) => Some((predicate, args, rule)),
-            _ if shape(&form.head()?).is_some() => {
-                let (name, shape) = (form.head()?.to_string(), shape(&form.head()?)?.to_string());
-                self.error(CompileError::Reserved { name, shape, at: form.span });
-                None
-            }
             _ => None,
         }
     }

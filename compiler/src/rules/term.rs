@@ -9,7 +9,7 @@ use super::{MOST_VARS, Rule};
 use crate::Compiler;
 use crate::data::MOST_NESTED;
 use crate::error::CompileError;
-use crate::resolve::is_description;
+use crate::resolve::is_description_in_rule;
 
 impl Compiler<'_> {
     /// Resolves a term.
@@ -36,7 +36,7 @@ impl Compiler<'_> {
             FormKind::Int(i) => Term::Const(Value::int(*i)),
             FormKind::Float(f) => Term::Const(Value::float(*f)),
             FormKind::Str(text) => Term::Const(Value::str(text.clone())),
-            FormKind::List(_) if is_description(form) => self.description_term(rule, form),
+            FormKind::List(_) if is_description_in_rule(form) => self.description_term(rule, form),
             FormKind::List(items) => self.list_term(rule, items, form.span),
             FormKind::Vector(items) => {
                 let items = self.terms(rule, items);
