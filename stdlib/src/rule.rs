@@ -12,7 +12,8 @@ natives! {
     "%answers" [1 ..] in ctx => |_ctx, args| query(args, Ask::All);
     "%query" [1 ..] in ctx => |_ctx, args| query(args, Ask::Stream);
     "%push-facts" [1] in ctx => |_ctx, args| Ok(Next::PushFacts(args[0].clone()));
-    "%pop-facts" [0] in ctx => |_ctx, _args| Ok(Next::PopFacts);
+    "%pop-scope" [0] in ctx => |_ctx, _args| Ok(Next::PopScope);
+    "%push-tree" [1] in ctx => |_ctx, args| Ok(Next::PushTree(args[0].clone()));
 }
 
 /// The compiler gives the predicate by its number.

@@ -85,8 +85,10 @@ pub enum Next {
     Part(Value, crate::machine::Part),
     /// Facts come into force in the task: a list of predicates with their arguments; nil.
     PushFacts(Value),
-    /// The newest of them are no longer in force; nil.
-    PopFacts,
+    /// Queries of the task see this tree; nil.
+    PushTree(Value),
+    /// The newest of such facts or trees are no longer in force; nil.
+    PopScope,
     /// Run a plan as a root of its own; the call has the tree as its value.
     RunPlan {
         /// The plan.

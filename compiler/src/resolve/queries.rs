@@ -84,7 +84,7 @@ pub(super) fn with_facts(it: &mut Compiler<'_>, scope: &mut Scope, form: &Form, 
     let list = it.list_of(facts, span);
     let var = scope.hidden(span);
     let push = it.native_call("%push-facts", vec![Some(Expr::new(ExprKind::Var(var), span))], span);
-    let pop = it.native_call("%pop-facts", Vec::new(), span);
+    let pop = it.native_call("%pop-scope", Vec::new(), span);
     let body = Expr::seq(std::iter::once(push).chain(body).collect(), span);
     let guarded = Expr::new(ExprKind::Protect(Box::new(body), vec![pop]), span);
     Expr::new(ExprKind::Let(vec![(var, list)], vec![guarded]), span)

@@ -441,8 +441,12 @@ impl Machine {
                 self.push_facts(&facts)?;
                 self.put(d, Value::NIL)
             }
-            Next::PopFacts => {
-                self.pop_facts();
+            Next::PushTree(tree) => {
+                self.push_tree(&tree)?;
+                self.put(d, Value::NIL)
+            }
+            Next::PopScope => {
+                self.pop_scope();
                 self.put(d, Value::NIL)
             }
             Next::RunPlan { plan, args, tree } => self.run_plan(host, d, &plan, args, tree),

@@ -69,12 +69,13 @@ pub enum Part {
     More,
 }
 
-/// Facts that are in force for a while in a task and its branches, the newest first.
-pub(super) type Scoped = Option<Rc<ScopedFacts>>;
+/// What is in force for a while in a task and its branches, the newest first.
+pub(super) type Scoped = Option<Rc<Scope>>;
 
-/// Some of them, and those that were in force before.
-pub(super) struct ScopedFacts {
+/// Facts or a tree, and what was in force before.
+pub(super) struct Scope {
     facts: Vec<(PredId, Vec<Value>)>,
+    tree: Option<Rc<TreeView>>,
     before: Scoped,
 }
 
@@ -214,8 +215,10 @@ impl Machine {
     fn view(&mut self, predicate: PredId) -> View {
         let mut scoped: Vec<(PredId, Vec<Cell>)> = Vec::new();
         let run = &self.runs[self.runs.len() - 1];
-        let mut level = run.tasks.get(run.tasks.loaded).facts.clone();
+        let mut level = run.tasks.get(run.tasks.loaded).scope.clone();
+        let mut tree = None;
         while let Some(it) = level {
+            tree = tree.or_else(|| it.tree.clone());
             for (predicate, args) in &it.facts {
                 let cells: Vec<Cell> = args.iter().map(|arg| self.program.rules.cell(arg)).collect();
                 match scoped.iter_mut().find(|known| known.0 == *predicate) {
@@ -230,9 +233,10 @@ impl Machine {
             (predicate, Rc::new(Facts::new(arity.into(), cells)))
         };
         let scoped = scoped.into_iter().map(table).collect();
-        let tree = match self.program.rules.sees_tree(predicate) {
-            true => self.tree_view(),
-            false => Rc::default(),
+        let tree = match tree {
+            Some(tree) => tree,
+            None if self.program.rules.sees_tree(predicate) => self.tree_view(),
+            None => Rc::default(),
         };
         View { scoped, tree }
     }
@@ -351,16 +355,27 @@ impl Machine {
         }
         let tasks = &mut self.top().tasks;
         let task = tasks.get_mut(tasks.loaded);
-        let before = task.facts.take();
-        task.facts = Some(Rc::new(ScopedFacts { facts: all, before }));
+        let before = task.scope.take();
+        task.scope = Some(Rc::new(Scope { facts: all, tree: None, before }));
         Ok(())
     }
 
-    /// The newest facts are no longer in force.
-    pub(super) fn pop_facts(&mut self) {
+    /// Queries of the running task see another tree.
+    pub(super) fn push_tree(&mut self, tree: &Value) -> Result<(), Raise> {
+        let tree = tree.as_tree().ok_or_else(|| type_error("a tree", tree))?;
+        let tree = Some(Rc::new(TreeView::of(&self.program, tree)));
         let tasks = &mut self.top().tasks;
         let task = tasks.get_mut(tasks.loaded);
-        task.facts = task.facts.take().and_then(|it| it.before.clone());
+        let before = task.scope.take();
+        task.scope = Some(Rc::new(Scope { facts: Vec::new(), tree, before }));
+        Ok(())
+    }
+
+    /// The newest facts, or the newest tree, are no longer in force.
+    pub(super) fn pop_scope(&mut self) {
+        let tasks = &mut self.top().tasks;
+        let task = tasks.get_mut(tasks.loaded);
+        task.scope = task.scope.take().and_then(|it| it.before.clone());
     }
 }
 

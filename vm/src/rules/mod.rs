@@ -11,6 +11,7 @@ pub mod engine;
 pub mod index;
 pub mod lower;
 pub mod native;
+pub mod nearest;
 pub mod op;
 pub mod show;
 pub mod store;
@@ -34,6 +35,9 @@ use crate::code::{Pc, Place};
 use crate::value::{Obj, Symbol, Value};
 use view::TreeView;
 
+/// The name of the predicate that says which plan performs an action.
+pub const GROUNDING: &str = "action-grounding";
+
 /// All rules of a program. Like its code it only grows, but clauses may be taken away.
 pub struct Rules {
     /// The predicates.
@@ -52,6 +56,8 @@ pub struct Rules {
     pub cells: Vec<Cell>,
     /// Shapes and keys of structures in clauses.
     pub templates: Vec<Keys>,
+    /// The predicate that says which plan performs an action, if a module declares it.
+    pub grounding: Option<PredId>,
     constant_index: rustc_hash::FxHashMap<u64, Vec<u32>>,
     /// Predicates that have changed since they were compiled.
     changed: Vec<PredId>,
@@ -69,6 +75,7 @@ impl Default for Rules {
             constants: Rc::default(),
             cells: Vec::new(),
             templates: Vec::new(),
+            grounding: None,
             constant_index: rustc_hash::FxHashMap::default(),
             changed: Vec::new(),
         }
@@ -135,7 +142,12 @@ impl Rules {
             native,
             sees_tree: false,
         });
-        PredId(self.predicates.len() as u32 - 1)
+        let id = PredId(self.predicates.len() as u32 - 1);
+        let it = &self.predicates[id.at()].declared;
+        if it.name == GROUNDING && it.arity == 2 && self.grounding.is_none() {
+            self.grounding = Some(id);
+        }
+        id
     }
 
     /// Adds a clause; see [`Clause::priority`] for the order.

@@ -80,8 +80,8 @@ pub(in crate::machine) struct Task {
     pub raise: Option<Raise>,
     /// Tells this wait from all others of the run.
     pub token: u64,
-    /// Facts that are in force in it.
-    pub facts: super::solve::Scoped,
+    /// Facts and trees that its queries see for a while.
+    pub scope: super::solve::Scoped,
     parked: Option<Box<Parked>>,
 }
 
@@ -338,7 +338,7 @@ impl Task {
             begins_with: None,
             raise: None,
             token: 0,
-            facts: None,
+            scope: None,
             parked: None,
         }
     }
@@ -354,8 +354,8 @@ impl Run {
         let depth = self.tasks.get(parent).depth + 1;
         let id = TaskId(self.tasks.all.len() as u32);
         let limit = self.cleanups.last().map_or(self.tasks.get(parent).limit, CleanUp::deadline);
-        let facts = self.tasks.get(parent).facts.clone();
-        self.tasks.all.push(Task { limit, facts, ..Task::new(slot, RecId(0), parent, ordinal, depth) });
+        let scope = self.tasks.get(parent).scope.clone();
+        self.tasks.all.push(Task { limit, scope, ..Task::new(slot, RecId(0), parent, ordinal, depth) });
         id
     }
 
