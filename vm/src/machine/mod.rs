@@ -20,6 +20,7 @@ mod call;
 mod cleanup;
 mod drive;
 mod edits;
+mod explain;
 mod fluent;
 mod fork;
 mod hot;

@@ -32,10 +32,15 @@ pub(super) struct Solve {
 
 /// A query from outside of a run.
 pub struct Query {
-    engine: Engine,
+    pub(super) engine: Engine,
 }
 
 impl Query {
+    /// What it sees.
+    #[must_use]
+    pub fn view(&self) -> &View {
+        &self.engine.view
+    }
     /// True if there is nothing more to try after the answer.
     #[must_use]
     pub fn is_last(&self) -> bool {
@@ -157,7 +162,7 @@ impl Machine {
         if let Some(tree) = tree {
             view.tree = tree;
         }
-        Query { engine: Engine::new(predicate, inputs, view) }
+        Query { engine: Engine::new(predicate, inputs, view, false) }
     }
 
     /// The next answer of a query, or nothing after the last. Functions that rules call are computed at
@@ -208,11 +213,11 @@ impl Machine {
     /// An engine about to solve a predicate, with all that the query can see.
     fn engine(&mut self, predicate: PredId, inputs: &[Value]) -> Result<Box<Engine>, Raise> {
         let view = self.view(predicate);
-        Ok(Box::new(Engine::new(predicate, inputs, view)))
+        Ok(Box::new(Engine::new(predicate, inputs, view, false)))
     }
 
     /// What a query sees besides rules, as it is now.
-    fn view(&mut self, predicate: PredId) -> View {
+    pub(super) fn view(&mut self, predicate: PredId) -> View {
         let mut scoped: Vec<(PredId, Vec<Cell>)> = Vec::new();
         let run = &self.runs[self.runs.len() - 1];
         let mut level = run.tasks.get(run.tasks.loaded).scope.clone();

@@ -29,7 +29,7 @@ pub fn to_action(program: &Program, action: &Value) -> Vec<String> {
         };
         near.push((usize::from(!is_of_type), misses.len(), line));
     }
-    near.sort();
+    near.sort_by_key(|it| (it.0, it.1));
     // Rules for other types say nothing where there is one for this type.
     let best = near.first().map(|it| it.0);
     near.into_iter().filter(|it| Some(it.0) == best).take(MOST).map(|it| it.2).collect()
