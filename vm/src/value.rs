@@ -312,6 +312,18 @@ impl Value {
     pub fn as_path(&self) -> Option<&Path> {
         if let Some(Obj::Path(path)) = self.obj() { Some(path) } else { None }
     }
+    /// True for answers of a query.
+    pub fn is_stream(&self) -> bool {
+        matches!(self.obj(), Some(Obj::Stream(_)))
+    }
+    /// First element and rest of a list, or of a stream as far as somebody has looked.
+    pub fn cell(&self) -> Option<(Value, Value)> {
+        match self.obj()? {
+            Obj::Pair(first, rest) => Some((first.clone(), rest.clone())),
+            Obj::Stream(stream) => stream.cell(),
+            _ => None,
+        }
+    }
     /// True for `nil` and for cells of lists.
     pub fn is_list(&self) -> bool {
         self.is_nil() || self.as_pair().is_some()

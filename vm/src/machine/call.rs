@@ -112,6 +112,7 @@ impl Machine {
                 self.put(d, Value::bool(more))
             }
             Op::IterStart(d, s) => self.iter_start(d, s),
+            Op::IterNext(d, t) => self.next_answer(d, t),
             Op::CountStart(d, s) => {
                 let count = self.reg(s).clone();
                 crate::native::int(&count)?;
@@ -248,7 +249,10 @@ impl Machine {
     }
 
     fn iter_start(&mut self, d: u8, s: u8) -> Slow {
-        let list = walkable(self.reg(s))?;
+        let list = match self.reg(s) {
+            it if it.is_stream() => it.clone(),
+            it => walkable(it)?,
+        };
         *self.top().register(d.wrapping_add(1)) = list.clone();
         self.put(d.wrapping_add(2), list)
     }

@@ -48,7 +48,7 @@ pub use call::takes;
 use drive::Driver;
 pub use fluent::TaskOp;
 pub use fork::{ForkKind, nanoseconds};
-pub use solve::Part;
+pub use solve::{Part, Query};
 use task::Tasks;
 
 /// Units of fuel in a round: part of the language, for the clock moves by rounds.

@@ -30,6 +30,22 @@ pub(super) struct Solve {
     called: bool,
 }
 
+/// A query from outside of a run.
+pub struct Query {
+    engine: Engine,
+}
+
+impl Query {
+    /// True if there is nothing more to try after the answer.
+    #[must_use]
+    pub fn is_last(&self) -> bool {
+        self.engine.is_last()
+    }
+}
+
+/// Inferences between two looks at the limits.
+const SLICE: u64 = 100_000;
+
 /// What becomes of answers.
 enum Want {
     /// Whether there is one.
@@ -88,6 +104,24 @@ impl Machine {
         Ok(None)
     }
 
+    /// The next answer for a loop over a stream: to register `d`, the rest to that after it.
+    pub(super) fn next_answer(&mut self, d: u8, end: Pc) -> Slow {
+        let stream = self.reg(d.wrapping_add(1)).clone();
+        if let Some((first, rest)) = stream.cell() {
+            *self.top().register(d.wrapping_add(1)) = rest;
+            return self.put(d, first);
+        }
+        if let Some(Obj::Stream(it)) = stream.obj()
+            && it.look(|state| matches!(state, State::End))
+        {
+            self.top().pc = end.0;
+            return Ok(None);
+        }
+        // When somebody has looked, the instruction is done again.
+        self.top().pc -= 1;
+        self.stream_part(d, &stream, Part::More)
+    }
+
     /// A part of a stream.
     pub(super) fn stream_part(&mut self, d: u8, value: &Value, part: Part) -> Slow {
         let Some(Obj::Stream(stream)) = value.obj() else {
@@ -111,6 +145,62 @@ impl Machine {
                 Some(failure) => Err(Box::new(failure.clone())),
                 None => self.put(d, Value::NIL),
             },
+        }
+    }
+
+    /// A query from outside of the run, over its tree or another one.
+    ///
+    /// The last argument of the predicate is what an answer is; `inputs` are the others.
+    pub fn open_query(&mut self, predicate: PredId, inputs: &[Value], tree: Option<Rc<TreeView>>) -> Query {
+        let mut view = self.view(predicate);
+        if let Some(tree) = tree {
+            view.tree = tree;
+        }
+        Query { engine: Engine::new(predicate, inputs, view) }
+    }
+
+    /// The next answer of a query, or nothing after the last. Functions that rules call are computed at
+    /// once. The fuel is that of the run.
+    ///
+    /// # Errors
+    /// A failure: what a rule did wrong, or a limit of the run.
+    pub fn next_answer_of(
+        &mut self,
+        host: &mut dyn Host,
+        query: &mut Query,
+    ) -> Result<Option<Value>, Value> {
+        let engine = &mut query.engine;
+        loop {
+            let mut left = SLICE.min(self.limits.fuel.saturating_sub(self.steps));
+            let given = left;
+            let step = engine.run(&self.program, &mut left).map_err(|mut raise| {
+                raise.place = raise.place.or_else(|| engine.place(&self.program));
+                Value::new(Obj::Failure(raise))
+            });
+            self.steps += given - left;
+            let raised = |raise: Raise| Value::new(Obj::Failure(raise));
+            match step? {
+                Step::Answer => return engine.answer().map(Some).map_err(raised),
+                Step::No => return Ok(None),
+                Step::Fuel if self.steps >= self.limits.fuel => {
+                    let failure = self.over(
+                        crate::failure::Builtin::FuelExhausted,
+                        "the query used up its fuel of",
+                        self.limits.fuel as usize,
+                        "inferences",
+                    );
+                    return Err(raised(failure));
+                }
+                Step::Fuel if self.bytes() + engine.bytes() > self.limits.memory => {
+                    return Err(raised(self.rules_take_too_much()));
+                }
+                Step::Fuel => {}
+                Step::Call(function, args) => {
+                    let function = Value::Imm(Imm::Function(function));
+                    let value = self.compute_at_once(host, &function, args, "a function that a rule calls");
+                    engine.give(&value.map_err(raised)?);
+                }
+            }
         }
     }
 

@@ -59,6 +59,15 @@ impl Stream {
         look(&self.state.borrow())
     }
 
+    /// The answer and the stream after it, if somebody has looked.
+    #[must_use]
+    pub fn cell(&self) -> Option<(Value, Value)> {
+        match &*self.state.borrow() {
+            State::Answer(first, rest) => Some((first.clone(), rest.clone())),
+            _ => None,
+        }
+    }
+
     /// What it holds, for it to be dropped without recursion.
     pub(crate) fn take_rest(&self) -> Value {
         match std::mem::replace(&mut *self.state.borrow_mut(), State::End) {
