@@ -134,7 +134,8 @@ impl Loader for Files {
             return Ok(Source { file, text: (*text).to_string(), key: name.into() });
         }
         let folder = self.get(from).and_then(|file| file.folder.clone()).unwrap_or_default();
-        let file_name = if name.ends_with(".plan") { name.to_string() } else { format!("{name}.plan") };
+        let has_ending = name.ends_with(".plan") || name.ends_with(".pl");
+        let file_name = if has_ending { name.to_string() } else { format!("{name}.plan") };
         let path = folder.join(&file_name);
         match path.exists() {
             true => self.read(&path),

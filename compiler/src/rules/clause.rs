@@ -166,8 +166,7 @@ impl Compiler<'_> {
 
     fn check_singletons(&mut self, rule: &Rule) {
         for var in &rule.vars {
-            let made = var.name.contains('%') && var.count == 0;
-            if var.count <= 1 && !made && !var.name.starts_with("?_") {
+            if var.count <= 1 && !var.local && !var.name.starts_with("?_") {
                 self.error(CompileError::Singleton { name: var.name.to_string(), at: var.span });
             }
         }
