@@ -105,9 +105,9 @@ fn definition_page(session: &Session, name: Symbol, definition: &Definition) -> 
 /// `(name params…)` of what can be called, else the name.
 pub fn signature(name: Symbol, definition: &Definition) -> String {
     match definition.meaning.params() {
-        Some(params) => match compiler::show_params(params).trim_start_matches('(') {
-            ")" => format!("({name})"),
-            params => format!("({name} {params}"),
+        Some(params) => match compiler::show_params(params).get(1..) {
+            None | Some(")") => format!("({name})"),
+            Some(params) => format!("({name} {params}"),
         },
         None => name.to_string(),
     }

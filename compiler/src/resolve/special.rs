@@ -247,7 +247,7 @@ fn set(it: &mut Compiler<'_>, scope: &mut Scope, form: &Form, args: &[Form]) -> 
             let captured = scope.captures.iter().any(|(_, ours)| *ours == var);
             scope.vars[var.0 as usize].assigned.get_or_insert(form.span);
             if captured {
-                scope.vars[var.0 as usize].captured.get_or_insert(target.span);
+                scope.vars[var.0 as usize].captured.get_or_insert((target.span, scope.kind));
             }
             Expr::new(ExprKind::Set(var, boxed(value)), form.span)
         }
