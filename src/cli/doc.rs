@@ -46,7 +46,8 @@ pub fn run(it: &Doc) -> Answer {
 pub fn page(session: &Session, name: &str) -> Result<String, Trouble> {
     let mut parts = Vec::new();
     if let Some((_, shape)) = compiler::special_forms().iter().find(|(known, _)| *known == name) {
-        parts.push(format!("{shape}\n  a special form\n"));
+        let doc = compiler::special_form_doc(name);
+        parts.push(format!("{shape}\n  a special form\n{}", indented(doc)));
     }
     let symbol = Symbol::from(name);
     if let Found::One(definition) = session.front.modules.look_up(session.module, symbol) {
