@@ -22,6 +22,25 @@ pub struct Explanation {
     pub parts: Vec<Explanation>,
 }
 
+/// Explanations as text, a line each; `place` says where something stands in the source.
+#[must_use]
+pub fn text(parts: &[Explanation], place: &dyn Fn(Place) -> Option<String>) -> String {
+    let mut out = String::new();
+    let mut todo: Vec<(&Explanation, String, String)> =
+        parts.iter().rev().map(|part| (part, String::new(), String::new())).collect();
+    while let Some((part, lead, indent)) = todo.pop() {
+        let at = part.place.and_then(place).map(|at| format!("  [{at}]")).unwrap_or_default();
+        out += &format!("{lead}{}{at}\n", crate::show::safe(&part.text));
+        for (n, below) in part.parts.iter().enumerate().rev() {
+            let (branch, further) =
+                if n + 1 == part.parts.len() { ("└─ ", "   ") } else { ("├─ ", "│  ") };
+            todo.push((below, format!("{indent}{branch}"), format!("{indent}{further}")));
+        }
+    }
+    out.truncate(out.trim_end().len());
+    out
+}
+
 /// A goal that is open or holds.
 struct Node {
     parent: u32,
