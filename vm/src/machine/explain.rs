@@ -87,7 +87,8 @@ impl Machine {
         let mut all = Vec::new();
         for clause in &clauses {
             let blame = self.blame(host, clause, &args, view, DEPTH)?;
-            all.extend(blame.map(|blame| blame.explanation));
+            // The clause of a query is nobody's: what fails in it is what is asked for.
+            all.extend(blame.into_iter().flat_map(|blame| blame.explanation.parts));
         }
         Ok(all)
     }
@@ -151,8 +152,7 @@ impl Machine {
                 continue;
             }
             let Some(values) = known else {
-                let head = show::clause(&self.program, &Clause { body: nothing(clause.place), ..clause.clone() });
-                let text = format!("{head} does not match");
+                let text = format!("{} does not match", self.head(clause));
                 let explanation = sentence(text, Some(clause.place));
                 return Ok(Some(Blame { reached: 0, goals: goals.len(), explanation }));
             };
@@ -166,20 +166,13 @@ impl Machine {
             let parts = self.why_not_part(host, &failed, clause, view, depth)?;
             let text = show::goal(&self.program, &failed, &clause.vars);
             let because = Explanation { text: format!("{text} does not hold"), place: Some(failed.place), parts };
-            let is_query = self.program.rules.predicates[clause.predicate.at()].declared.name.starts_with('%');
-            let explanation = match is_query {
-                true => because,
-                false => {
-                    let head = Clause { body: nothing(clause.place), ..clause.clone() };
-                    let text = show::clause(&self.program, &head);
-                    let text = match n {
-                        1 => text,
-                        2 => format!("{text} holds for its first goal"),
-                        n => format!("{text} holds for its first {} goals", n - 1),
-                    };
-                    Explanation { text, place: Some(clause.place), parts: vec![because] }
-                }
+            let head = self.head(clause);
+            let text = match n {
+                1 => format!("{head} matches"),
+                2 => format!("{head} matches, its first goal holds"),
+                n => format!("{head} matches, its first {} goals hold", n - 1),
             };
+            let explanation = Explanation { text, place: Some(clause.place), parts: vec![because] };
             return Ok(Some(Blame { reached: n, goals: goals.len(), explanation }));
         }
         Ok(None)
@@ -263,7 +256,7 @@ impl Machine {
     /// The facts that are most like a goal.
     fn nearest_facts(&self, predicate: PredId, args: &[Value]) -> Vec<Explanation> {
         let it = &self.program.rules.predicates[predicate.at()];
-        let alike = |fact: &Vec<Value>| fact.iter().zip(args).filter(|(a, b)| is_free(b) || a == b).count();
+        let alike = |fact: &Vec<Value>| fact.iter().zip(args).filter(|(a, b)| a == b).count();
         let mut facts: Vec<(usize, &Vec<Value>)> = it.facts.iter().map(|fact| (alike(fact), fact)).collect();
         facts.sort_by_key(|fact| std::cmp::Reverse(fact.0));
         let best = facts.first().map_or(0, |fact| fact.0);
@@ -278,6 +271,12 @@ impl Machine {
             )],
             false => parts,
         }
+    }
+
+    /// The head of a clause as it is written.
+    fn head(&self, clause: &Clause) -> String {
+        let goal = Goal { kind: GoalKind::Call(clause.predicate, clause.head.clone()), place: clause.place };
+        format!("clause {}", show::goal(&self.program, &goal, &clause.vars))
     }
 
     /// The values of the variables of a clause in the first answer of its head and `goals`.
@@ -319,10 +318,6 @@ impl Machine {
 
 fn sentence(text: String, place: Option<Place>) -> Explanation {
     Explanation { text, place, parts: Vec::new() }
-}
-
-fn nothing(place: Place) -> Goal {
-    Goal { kind: GoalKind::True, place }
 }
 
 /// The name of a variable without a value.
