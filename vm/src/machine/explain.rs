@@ -20,6 +20,17 @@ const DEPTH: usize = 6;
 /// How many clauses and facts are named for one goal.
 const MOST: usize = 5;
 
+/// A goal of a query in the order in which it is asked.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PlanStep {
+    /// The goal.
+    pub goal: String,
+    /// How often it was expected to hold.
+    pub expected: f64,
+    /// How often it held.
+    pub held: u64,
+}
+
 /// A clause that does not answer: the share of its goals that hold, and what is to blame.
 struct Blame {
     reached: usize,
@@ -91,6 +102,41 @@ impl Machine {
             all.extend(blame.into_iter().flat_map(|blame| blame.explanation.parts));
         }
         Ok(all)
+    }
+
+    /// The order in which the goals of a query are asked, how often each was expected to hold, and how often it
+    /// did when all answers were asked for.
+    ///
+    /// # Errors
+    /// A failure, as of the query itself.
+    pub fn plan_of(
+        &mut self,
+        host: &mut dyn Host,
+        predicate: PredId,
+        inputs: &[Value],
+        view: &crate::rules::View,
+    ) -> Result<Vec<PlanStep>, Value> {
+        let it = &self.program.rules.predicates[predicate.at()];
+        let Some(clause) = it.planned.first().cloned().flatten().or_else(|| it.clauses.first().cloned()) else {
+            return Ok(Vec::new());
+        };
+        let goals: Vec<Goal> = conjuncts(&clause.body).into_iter().cloned().collect();
+        let expected = crate::rules::plan::expected(&self.program.rules, &view.tree, &clause, inputs.len());
+        let ticked = (0..).zip(&goals).flat_map(|(n, goal)| {
+            [goal.clone(), Goal { kind: GoalKind::Tick(n), place: goal.place }]
+        });
+        let body = Goal { kind: GoalKind::And(ticked.collect()), place: clause.place };
+        let head = clause.head.clone();
+        let counted = self.hidden(Clause { head, body, ..clause.clone() });
+        let mut query = Query { engine: Engine::new(counted, inputs, view.clone(), false) };
+        while self.next_answer_of(host, &mut query)?.is_some() {}
+        let held = |n: usize| query.engine.ticks.get(n).copied().unwrap_or(0);
+        let steps = goals.iter().zip(expected).enumerate().map(|(n, (goal, expected))| PlanStep {
+            goal: show::goal(&self.program, goal, &clause.vars),
+            expected,
+            held: held(n),
+        });
+        Ok(steps.collect())
     }
 
     /// Why a goal has no answer.
@@ -302,15 +348,20 @@ impl Machine {
         head.push(Term::Vector((0..clause.vars.len() as u16).map(Term::Var).collect()));
         let place = clause.place;
         let goals = goals.iter().filter(|goal| !matches!(goal.kind, GoalKind::Cut)).cloned().collect();
+        let body = Goal { kind: GoalKind::And(goals), place };
+        self.hidden(Clause { head, body, ..clause.clone() })
+    }
+
+    /// A predicate of its own for a clause.
+    fn hidden(&mut self, clause: Clause) -> PredId {
         let predicate = self.program.rules.declare(Declared {
-            name: crate::value::Symbol::from("%why"),
-            arity: head.len() as u8,
+            name: crate::value::Symbol::from("%asked"),
+            arity: clause.head.len() as u8,
             kind: Kind::Rules,
             tabled: false,
-            place,
+            place: clause.place,
         });
-        let body = Goal { kind: GoalKind::And(goals), place };
-        self.program.rules.add(Clause { predicate, head, body, ..clause.clone() });
+        self.program.rules.add(Clause { predicate, ..clause });
         self.program.rules.link();
         predicate
     }

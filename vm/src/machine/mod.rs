@@ -47,6 +47,7 @@ use crate::tree::{RecId, Status, Tree};
 use crate::value::{Value, live};
 
 pub use call::takes;
+pub use explain::PlanStep;
 use drive::Driver;
 pub use fluent::TaskOp;
 pub use fork::{ForkKind, nanoseconds};

@@ -163,6 +163,8 @@ pub enum GoalKind {
         /// Sorted, without repetitions.
         set: bool,
     },
+    /// Counts how often it is met: nobody writes it, the plan of a query shows the number.
+    Tick(u32),
     /// `(forall test goal)`: every answer of the test is one of the goal.
     ForAll(Box<Goal>, Box<Goal>),
 }
@@ -277,7 +279,7 @@ impl Goal {
     /// Visits its variables, each as often as it stands there.
     pub fn each_var(&self, visit: &mut dyn FnMut(VarNo)) {
         match &self.kind {
-            GoalKind::True | GoalKind::False | GoalKind::Cut => {}
+            GoalKind::True | GoalKind::False | GoalKind::Cut | GoalKind::Tick(_) => {}
             GoalKind::And(goals) | GoalKind::Or(goals) => goals.iter().for_each(|it| it.each_var(visit)),
             GoalKind::Not(goal, _) | GoalKind::Once(goal) => goal.each_var(visit),
             GoalKind::If { test, then, otherwise, .. } => {
@@ -365,6 +367,7 @@ impl Goal {
         };
         let kind = match &self.kind {
             GoalKind::True => GoalKind::True,
+            GoalKind::Tick(n) => GoalKind::Tick(*n),
             GoalKind::False => GoalKind::False,
             GoalKind::Cut => GoalKind::Cut,
             GoalKind::And(all) => GoalKind::And(goals(all, change)),

@@ -117,6 +117,8 @@ pub struct Engine {
     /// What the query sees besides rules.
     pub view: View,
     pub(super) tables: Tables,
+    /// How often each counter of the clauses has been met.
+    pub ticks: Vec<u64>,
     /// The goals that are open, for explanations.
     pub(super) trace: Option<Box<super::why::Trace>>,
     started: bool,
@@ -162,6 +164,7 @@ impl Engine {
             template,
             view,
             tables: Tables::default(),
+            ticks: Vec::new(),
             trace: None,
             started: false,
         };
@@ -578,6 +581,13 @@ impl Engine {
                         return Ok(Out::Back);
                     }
                     RuleOp::Fail => fail!(),
+                    RuleOp::Tick(n) => {
+                        let n = n as usize;
+                        if self.ticks.len() <= n {
+                            self.ticks.resize(n + 1, 0);
+                        }
+                        self.ticks[n] += 1;
+                    }
 
                     RuleOp::Jump(t) => pc = t.0 as usize,
                     RuleOp::Try(n, t) => {

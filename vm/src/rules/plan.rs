@@ -14,6 +14,7 @@
 use super::Rules;
 use super::clause::{Clause, Goal, GoalKind, Kind, PredId, Term, VarNo};
 use super::tree::determined_by;
+use super::view::TreeView;
 use super::why::conjuncts;
 use crate::value::Symbol;
 
@@ -70,6 +71,67 @@ fn tree_name<'r>(rules: &'r Rules, goal: &Goal) -> Option<&'r str> {
 
 fn is_over_tree(rules: &Rules, goal: &Goal) -> bool {
     tree_name(rules, goal).is_some()
+}
+
+/// How often each goal of a clause is expected to hold, when its first `given` arguments have values.
+#[must_use]
+pub fn expected(rules: &Rules, tree: &TreeView, clause: &Clause, given: usize) -> Vec<f64> {
+    let mut bound = Bound::default();
+    clause.head.iter().take(given).for_each(|term| bound.add(term));
+    let mut rows = 1.0;
+    let goals = conjuncts(&clause.body);
+    goals
+        .into_iter()
+        .map(|goal| {
+            rows *= answers(rules, tree, goal, &bound);
+            bound.after(goal);
+            rows
+        })
+        .collect()
+}
+
+/// How many answers a goal is expected to have.
+fn answers(rules: &Rules, tree: &TreeView, goal: &Goal, bound: &Bound) -> f64 {
+    /// A test holds every other time.
+    const TEST: f64 = 0.5;
+    let tasks = tree.tasks.len() as f64;
+    let GoalKind::Call(predicate, args) = &goal.kind else {
+        return if let GoalKind::Unify(..) | GoalKind::Is(..) = goal.kind { 1.0 } else { TEST };
+    };
+    let has = |at: usize| args.get(at).is_some_and(|term| bound.has_term(term));
+    let constant = |at: usize| match args.get(at) {
+        Some(Term::Const(value)) => super::view::symbol(value),
+        _ => None,
+    };
+    let Some(name) = tree_name(rules, goal) else {
+        let facts = rules.predicates[predicate.at()].facts.len().max(1) as f64;
+        let given = (0..args.len()).filter(|at| has(*at)).count();
+        return facts.powf(1.0 - given as f64 / args.len().max(1) as f64);
+    };
+    let is_test = (0..args.len()).all(has);
+    match name {
+        _ if is_test => TEST,
+        "task-param" | "task-type" => {
+            let (key, value) = match name {
+                "task-type" => (Some(Symbol::from("type")), 1),
+                _ => (constant(1), 2),
+            };
+            let Some(key) = key else { return if has(0) { 3.0 } else { 3.0 * tasks } };
+            match (has(0), has(value)) {
+                (true, _) => 1.0,
+                (false, true) => match args.get(value) {
+                    Some(Term::Const(value)) => tree.with(key, value).len() as f64,
+                    _ => tree.having(key).len() as f64 / tree.distinct(key).max(1) as f64,
+                },
+                (false, false) => tree.having(key).len() as f64,
+            }
+        }
+        "task-name" if !has(0) => constant(1).map_or(tasks, |name| tree.named(name).len() as f64),
+        "subtask" if has(0) => 3.0,
+        "subtask+" | "before" if has(0) || has(1) => tasks / 2.0,
+        _ if has(0) => 1.0,
+        _ => tasks,
+    }
 }
 
 // ---------------------------------------------------------------------------------------------
