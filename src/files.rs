@@ -63,6 +63,21 @@ impl Files {
         Ok(Source { file, text, key })
     }
 
+    /// Reads a program of the user's. Prolog text is one that uses its rules and does nothing else.
+    ///
+    /// # Errors
+    /// A sentence that says why it cannot be read, or where it is no text.
+    pub fn read_program(&mut self, path: &Path) -> Result<Source, String> {
+        let name = path.file_name().and_then(|name| name.to_str());
+        let Some(rules) = name.filter(|name| name.ends_with(".pl")) else { return self.read(path) };
+        read_text(path)?;
+        let text = format!("(use-rules {})", vm::print::quoted(rules));
+        let folder = path.parent().map(Path::to_path_buf);
+        let file = self.push(&format!("the rules of {}", path.display()), text.clone(), folder);
+        let key = format!("{}#rules", path.display());
+        Ok(Source { file, text, key })
+    }
+
     /// Line and column, from 1, of a byte in a file.
     #[must_use]
     pub fn line_column(&self, file: FileId, at: u32) -> Option<(usize, usize)> {
@@ -145,7 +160,8 @@ impl Loader for Files {
             return Ok(Source { file, text: (*text).to_string(), key: name.into() });
         }
         let folder = self.get(from).and_then(|file| file.folder.clone()).unwrap_or_default();
-        let file_name = if name.ends_with(".plan") { name.to_string() } else { format!("{name}.plan") };
+        let has_ending = name.ends_with(".plan") || name.ends_with(".pl");
+        let file_name = if has_ending { name.to_string() } else { format!("{name}.plan") };
         let path = folder.join(&file_name);
         match path.exists() {
             true => self.read(&path),

@@ -198,9 +198,11 @@ impl<'a> Node<'a> {
     /// What is said of a run of a task: of the last one in the task itself.
     fn attempt(&self) -> Result<Attempt, String> {
         let status = self.status()?;
-        let value = match status {
-            Status::Failed => self.failure(0)?,
-            _ => self.value("value")?,
+        let value = match self.get("failure") {
+            // That of an evaporated task is the failure of its clean-up.
+            Some(json) => Node { json, at: &format!("{}.failure", self.at), ..*self }.as_failure(0)?,
+            None if status == Status::Failed => return self.wrong("failure", "is missing"),
+            None => self.value("value")?,
         };
         let end = match status.is_final() {
             true => Some(self.seconds("end")?),
@@ -214,14 +216,6 @@ impl<'a> Node<'a> {
         match value.filter(|value| matches!(value.obj(), Some(Obj::Edit(_)))) {
             Some(edit) => Ok(edit),
             None => self.wrong("", "is no edit"),
-        }
-    }
-
-    /// The failure under `failure`.
-    fn failure(&self, depth: usize) -> Result<Value, String> {
-        match self.get("failure") {
-            Some(json) => Node { json, at: &format!("{}.failure", self.at), ..*self }.as_failure(depth),
-            None => self.wrong("failure", "is missing"),
         }
     }
 

@@ -28,7 +28,7 @@ pub struct Options {
     pub seed: u64,
     /// Key of the order in which ready tasks have their turns; 0 is the order of the source.
     pub schedule: u64,
-    /// Time passes as it does on the wall, not at once.
+    /// Time passes as it does on the wall, not at once. What is replayed takes no time nevertheless.
     pub real_time: bool,
     /// Keep the syntax trees, for those who walk them.
     pub keep_ast: bool,
@@ -155,7 +155,7 @@ impl Host for Door<'_> {
         }
     }
     fn pass(&mut self, ns: u64) -> bool {
-        if !self.real_time {
+        if !self.real_time || self.sealed {
             return true;
         }
         let end = Instant::now() + Duration::from_nanos(ns);
@@ -258,12 +258,12 @@ impl Session {
         render::report(&self.files, report, self.style)
     }
 
-    /// Loads a file as the user's program.
+    /// Loads a file as the user's program: a plan file, or the rules of Prolog text that ends in `.pl`.
     ///
     /// # Errors
     /// A sentence that says why the file cannot be read.
     pub fn load_file(&mut self, path: &Path) -> Result<Loaded, String> {
-        let source = self.files.read(path)?;
+        let source = self.files.read_program(path)?;
         let Session { files, front, machine, .. } = self;
         let loaded = front.load(&mut machine.program, files, &source);
         self.module = self.front.module_of(&source.key).unwrap_or(self.module);
@@ -292,7 +292,7 @@ impl Session {
     /// # Errors
     /// A sentence that says why the file cannot be read.
     pub fn extend_file(&mut self, path: &Path) -> Result<Loaded, String> {
-        let source = self.files.read(path)?;
+        let source = self.files.read_program(path)?;
         let Session { files, front, machine, module, .. } = self;
         Ok(front.extend(&mut machine.program, files, *module, source.file, &source.text))
     }

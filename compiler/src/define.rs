@@ -101,6 +101,7 @@ impl Compiler<'_> {
             match form.head().as_ref().map(|head| head.as_str()) {
                 Some("module") => self.module_head(module, &form),
                 Some("use") => init.extend(self.use_(loader, module, &form)),
+                Some("use-rules") => forms.extend(self.use_rules(loader, &form)),
                 _ => forms.push(form),
             }
         }
@@ -192,6 +193,26 @@ impl Compiler<'_> {
             }
         }
         init
+    }
+
+    /// `(use-rules "file.pl")`: the definitions that Prolog text is read as.
+    fn use_rules(&mut self, loader: &mut dyn Loader, form: &Form) -> Vec<Form> {
+        let items = form.list().unwrap_or_default();
+        let [_, Form { kind: FormKind::Str(name), span: at }] = items else {
+            self.misshapen_top(form, "takes the name of a file as a string");
+            return Vec::new();
+        };
+        match loader.load(name, form.span.file) {
+            Ok(source) => {
+                let parsed = grammar::prolog::parse(source.file, short_name(name), &source.text);
+                self.reports.extend(parsed.errors.into_iter().map(Report::Parse));
+                parsed.forms
+            }
+            Err(help) => {
+                self.error(CompileError::ModuleMissing { name: name.to_string(), at: *at, help: Some(help) });
+                Vec::new()
+            }
+        }
     }
 
     /// Names after `:only` must be there.
@@ -651,7 +672,7 @@ impl Compiler<'_> {
 /// What people call a file: its name without folders and ending.
 fn short_name(key: &str) -> &str {
     let name = key.rsplit(['/', '\\']).next().unwrap_or(key);
-    name.strip_suffix(".plan").unwrap_or(name)
+    [".plan", ".pl"].into_iter().find_map(|end| name.strip_suffix(end)).unwrap_or(name)
 }
 
 fn is_definition(form: &Form) -> bool {

@@ -92,6 +92,11 @@ fn outcome(program: &Program, tree: &Tree, rec: RecId) -> String {
                 words += &format!(": {}", failure.name);
             }
         }
+        Status::Evaporated => {
+            if let Some(failure) = record.value.as_failure() {
+                words += &format!(", its clean-up failed: {}", failure.name);
+            }
+        }
         _ => {}
     }
     words
@@ -115,7 +120,11 @@ fn line(program: &Program, tree: &Tree, slot: SlotId, rec: RecId) -> String {
     if record.attempt > 1 {
         line += &format!(", attempt {}", record.attempt);
     }
-    if record.start != record.end {
+    if !record.status.is_final() {
+        if record.start > 0 && record.status != Status::Deferred {
+            line += &format!("  [since {} s]", seconds(record.start));
+        }
+    } else if record.start != record.end {
         line += &format!("  [{} – {} s]", seconds(record.start), seconds(record.end));
     }
     if record.flags & crate::tree::MOVED != 0 {
@@ -258,24 +267,24 @@ fn attempts(tree: &Tree) -> FxHashMap<SlotId, Vec<RecId>> {
 fn attempt_json(program: &Program, tree: &Tree, rec: RecId) -> Json {
     let record = tree.record(rec);
     let mut json = json!({"status": record.status.word()});
-    json[result_key(record.status)] = result_json(program, tree, rec);
+    let (key, result) = result_json(program, tree, rec);
+    json[key] = result;
     json["start"] = json!(record.start as f64 / 1e9);
     json["end"] = json!(record.end as f64 / 1e9);
     json
 }
 
-fn result_key(status: Status) -> &'static str {
-    if status == Status::Failed { "failure" } else { "value" }
-}
-
-/// The failure of a failed record, the value of any other one.
-fn result_json(program: &Program, tree: &Tree, rec: RecId) -> Json {
+/// Under which key a record has what became of it, and that.
+fn result_json(program: &Program, tree: &Tree, rec: RecId) -> (&'static str, Json) {
     let record = tree.record(rec);
-    if record.status != Status::Failed {
-        return written_json(program, &record.value);
+    match record.value.as_failure() {
+        // That of an evaporated task is the failure of its clean-up.
+        Some(_) if matches!(record.status, Status::Failed | Status::Evaporated) => {
+            crate::failure::name_tasks(tree, &record.value);
+            ("failure", failure_json(program, &record.value, 0))
+        }
+        _ => ("value", written_json(program, &record.value)),
     }
-    crate::failure::name_tasks(tree, &record.value);
-    failure_json(program, &record.value, 0)
 }
 
 fn written_json(program: &Program, value: &Value) -> Json {
@@ -304,7 +313,8 @@ fn node_json(
     node.insert("status".into(), json!(record.status.word()));
     node.insert("attempt".into(), json!(record.attempt));
     node.insert("params".into(), Json::Object(by_name(params(program, tree, rec))));
-    node.insert(result_key(record.status).into(), result_json(program, tree, rec));
+    let (key, result) = result_json(program, tree, rec);
+    node.insert(key.into(), result);
     if !record.why.word().is_empty() {
         node.insert("why".into(), json!(record.why.word()));
     }
@@ -312,7 +322,8 @@ fn node_json(
         node.insert("goal".into(), json!("moved"));
     }
     node.insert("start".into(), json!(record.start as f64 / 1e9));
-    node.insert("end".into(), json!(record.end as f64 / 1e9));
+    let end = record.status.is_final().then_some(record.end as f64 / 1e9);
+    node.insert("end".into(), json!(end));
     if let Some(extra) = tree.extra(rec) {
         if let Some(grounded) = &extra.grounded {
             node.insert("grounded".into(), write(grounded));
