@@ -88,6 +88,18 @@ pub enum Status {
 }
 
 impl Status {
+    /// All of them.
+    pub const ALL: &[Status] = &[
+        Status::Planned,
+        Status::Created,
+        Status::Running,
+        Status::Suspended,
+        Status::Deferred,
+        Status::Succeeded,
+        Status::Failed,
+        Status::Evaporated,
+        Status::Skipped,
+    ];
     /// True for a status that is never left.
     #[must_use]
     pub fn is_final(self) -> bool {
@@ -187,6 +199,8 @@ pub enum NodeKind {
 }
 
 impl NodeKind {
+    /// All of them.
+    pub const ALL: &[NodeKind] = &[NodeKind::TopLevel, NodeKind::Plan, NodeKind::Action, NodeKind::Branch];
     /// The word for it.
     #[must_use]
     pub fn word(self) -> &'static str {
