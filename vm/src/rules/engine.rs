@@ -393,7 +393,10 @@ impl Engine {
                             Cell::Ref(var) => {
                                 // What goes into the cell must not have the variable in it.
                                 for part in [first, rest] {
-                                    if let Part::Same(r) = part {
+                                    // In `(?x . ?x)` the second one is what the first will be.
+                                    if let Part::Same(r) = part
+                                        && first != Part::First(r)
+                                    {
                                         let inside = store.deref(at!(r));
                                         if matches!(inside, Cell::Ref(it) if it == var)
                                             || store.occurs(var, inside).map_err(too_large)?
@@ -473,7 +476,7 @@ impl Engine {
                         };
                     }
 
-                    RuleOp::Call(window, predicate) => {
+                    RuleOp::Call(window, size, predicate) => {
                         if *fuel == 0 {
                             self.pc = pc as u32 - 1;
                             return Ok(Out::Step(Step::Fuel));
@@ -484,12 +487,12 @@ impl Engine {
                         self.frames.truncate(at as usize);
                         self.frames.push(Frame { parent: self.frame, pc: pc as u32, base: base as u32 });
                         self.frame = at;
-                        let above = (base as u32 + u32::from(window)).max(self.top);
+                        // So do the registers, and above all of the clause: it writes to them when the
+                        // call has left choices, too.
+                        let above = (base as u32 + u32::from(size)).max(self.top);
                         let p = &rules.predicates[predicate.at()];
                         let plain = p.is_plain && self.view.scoped.is_empty() && self.trace.is_none();
-                        if above as usize != base + window as usize {
-                            self.move_args(base + window as usize, above as usize, p.declared.arity.into());
-                        }
+                        self.move_args(base + window as usize, above as usize, p.declared.arity.into());
                         self.base = above;
                         self.pc = pc as u32;
                         if plain {
@@ -540,14 +543,14 @@ impl Engine {
                         }
                         continue 'window;
                     }
-                    RuleOp::CallValue(window, n) => {
+                    RuleOp::CallValue(window, n, size) => {
                         if *fuel == 0 {
                             self.pc = pc as u32 - 1;
                             return Ok(Out::Step(Step::Fuel));
                         }
                         *fuel -= 1;
                         self.pc = pc as u32;
-                        if !self.call_value(program, window, n)? {
+                        if !self.call_value(program, window, n, size)? {
                             return Ok(Out::Back);
                         }
                         continue 'window;
@@ -640,7 +643,8 @@ impl Engine {
                     RuleOp::Groups(window, set) => {
                         self.pc = pc as u32;
                         let groups =
-                            Groups::new(store, at!(window + 1), set, &self.view).map_err(too_large)?;
+                            Groups::new(store, at!(window), at!(window + 1), set, pc as u32, &self.view)
+                                .map_err(too_large)?;
                         self.push_choice(
                             (base as u32 + WINDOW as u32).max(self.top),
                             0,
@@ -781,7 +785,7 @@ impl Engine {
     }
 
     /// `(call goal more…)`: finds the predicate of the goal and puts its arguments in place.
-    fn call_value(&mut self, program: &Program, window: u8, n: u8) -> Result<bool, Raise> {
+    fn call_value(&mut self, program: &Program, window: u8, n: u8, size: u8) -> Result<bool, Raise> {
         let at = self.base as usize + window as usize;
         let mut args = Vec::new();
         let goal = self.store.open(self.stack[at]);
@@ -816,7 +820,7 @@ impl Engine {
             let message = format!("there is no predicate `{name}` of {} arguments", args.len());
             return Err(Box::new(Failure::new(Builtin::ProgramError, message)));
         };
-        let above = (at as u32).max(self.top);
+        let above = (self.base + u32::from(size)).max(self.top);
         self.move_args(at, above as usize, 0);
         self.stack[above as usize..][..args.len()].copy_from_slice(&args);
         let frame = (self.frame + 1).max(self.frames_top);
@@ -955,9 +959,8 @@ impl Engine {
                 }
                 Alternative::Groups(window, groups) => {
                     let at = self.base as usize + usize::from(*window);
-                    let pc = groups.pc.get_or_insert(self.pc);
-                    self.pc = *pc;
-                    match groups.next(&mut self.store, self.stack[at]).map_err(too_large)? {
+                    self.pc = groups.pc;
+                    match groups.next(&mut self.store).map_err(too_large)? {
                         Some((instances, more)) => {
                             self.stack[at + 2] = instances;
                             if !more {
