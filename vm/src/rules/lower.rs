@@ -53,6 +53,9 @@ struct Lowering<'a> {
     sized: Vec<usize>,
     /// Holds the number of choices at the call, if the clause cuts.
     entry: Option<u8>,
+    /// The next register for the number of choices before the test of a `*->`. It is looked at whenever the
+    /// test holds again, after whatever the clause has done since, so nothing else may use it.
+    soft: u8,
 }
 
 type Lower = Result<(), TooManyVariables>;
@@ -83,7 +86,7 @@ pub fn lower(rules: &mut Rules, clause: &Clause) -> Result<Lowered, TooManyVaria
     let next = u8::try_from(next).map_err(|_| TooManyVariables)?;
     let known = vec![false; clause.vars.len()];
     let mut it =
-        Lowering { rules, clause, registers, known, next, most: next, sized: Vec::new(), entry: None };
+        Lowering { rules, clause, registers, known, next, most: next, sized: Vec::new(), entry: None, soft: 0 };
     it.clause()?;
     let most = it.most;
     for at in std::mem::take(&mut it.sized) {
@@ -103,6 +106,7 @@ impl Lowering<'_> {
             self.entry = Some(register);
             self.emit(RuleOp::Entry(register));
         }
+        self.soft = self.temps(soft_tests(&clause.body))?;
         // Variables that are arguments have their values; what stands twice is compared below.
         let mut heads = Vec::new();
         for (at, term) in clause.head.iter().enumerate() {
@@ -456,7 +460,11 @@ impl Lowering<'_> {
     ) -> Lower {
         self.all_known(goal);
         let saved = self.next;
-        let choices = self.temp()?;
+        let choices = match soft {
+            true => self.soft,
+            false => self.temp()?,
+        };
+        self.soft += u8::from(soft);
         self.emit(RuleOp::Choices(choices));
         let attempt = self.try_else();
         self.enclosed(test)?;
@@ -726,6 +734,24 @@ fn cuts(goal: &Goal) -> bool {
         GoalKind::If { then, otherwise, .. } => cuts(then) || otherwise.as_deref().is_some_and(cuts),
         // What is nested in other goals is left by its cuts only.
         _ => false,
+    }
+}
+
+/// How many `*->` there are in a goal.
+fn soft_tests(goal: &Goal) -> usize {
+    let all = |goals: &[Goal]| goals.iter().map(soft_tests).sum();
+    match &goal.kind {
+        GoalKind::And(goals) | GoalKind::Or(goals) => all(goals),
+        GoalKind::If { test, then, otherwise, soft } => {
+            usize::from(*soft)
+                + soft_tests(test)
+                + soft_tests(then)
+                + otherwise.as_deref().map_or(0, soft_tests)
+        }
+        GoalKind::Not(goal, _) | GoalKind::Once(goal) | GoalKind::Collect(_, _, goal, _) => soft_tests(goal),
+        GoalKind::Bag { goal, .. } => soft_tests(goal),
+        GoalKind::ForAll(test, goal) => soft_tests(test) + soft_tests(goal),
+        _ => 0,
     }
 }
 
