@@ -123,7 +123,7 @@ pub fn signature(name: Symbol, definition: &Definition) -> String {
         _ => name,
     };
     match definition.meaning.params() {
-        Some(params) => match compiler::show_params(params).trim_start_matches('(') {
+        Some(params) => match &compiler::show_params(params)[1..] {
             ")" => format!("({name})"),
             params => format!("({name} {params}"),
         },
