@@ -444,3 +444,9 @@ pub fn goal_forms() -> &'static [(&'static str, &'static str)] {
 pub fn special_forms() -> &'static [(&'static str, &'static str)] {
     resolve::special::SHAPES
 }
+
+/// What a special form does, in a sentence or two.
+#[must_use]
+pub fn special_form_doc(name: &str) -> Option<&'static str> {
+    resolve::special::DOCS.iter().find(|(known, _)| *known == name).map(|(_, doc)| *doc)
+}

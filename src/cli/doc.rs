@@ -46,7 +46,8 @@ pub fn run(it: &Doc) -> Answer {
 pub fn page(session: &Session, name: &str) -> Result<String, Trouble> {
     let mut parts = Vec::new();
     if let Some((_, shape)) = compiler::special_forms().iter().find(|(known, _)| *known == name) {
-        parts.push(format!("{shape}\n  a special form\n"));
+        let doc = compiler::special_form_doc(name);
+        parts.push(format!("{shape}\n  a special form\n{}", indented(doc)));
     }
     if let Some((_, shape)) = compiler::goal_forms().iter().find(|(known, _)| *known == name) {
         parts.push(format!("{shape}\n  a goal of rules and queries\n"));
@@ -123,9 +124,9 @@ pub fn signature(name: Symbol, definition: &Definition) -> String {
         _ => name,
     };
     match definition.meaning.params() {
-        Some(params) => match &compiler::show_params(params)[1..] {
-            ")" => format!("({name})"),
-            params => format!("({name} {params}"),
+        Some(params) => match compiler::show_params(params).get(1..) {
+            None | Some(")") => format!("({name})"),
+            Some(params) => format!("({name} {params}"),
         },
         None => name.to_string(),
     }

@@ -74,7 +74,7 @@ macro_rules! modules {
 
 modules! {
     "language" "value" "number" "list" "vector" "map" "function" "sequence"
-    "symbol" "string" "format" "description" "geometry" "failure" "io" "random" "control" "task" "tree" "rule"
+    "symbol" "string" "format" "description" "geometry" "failure" "io" "random" "control" "task" "tree" "rule" "task-rule"
 }
 
 #[cfg(test)]

@@ -189,7 +189,7 @@ builtin_types! {
     /// An edit that cannot hold: no such place, a cycle, a value that is used.
     EditRefused = "edit-refused" < "program-error" ["edit"];
     /// No rule says which plan performs an action.
-    ActionNotGrounded = "action-not-grounded" < "plan-failure" ["action"];
+    ActionNotGrounded = "action-not-grounded" < "plan-failure" ["action" "nearest"];
     /// What was performed did not reach its goal.
     GoalNotReached = "goal-not-reached" < "plan-failure" ["of"];
     /// A rule computes with a variable that has no value yet.

@@ -85,8 +85,10 @@ pub enum Next {
     Part(Value, crate::machine::Part),
     /// Facts come into force in the task: a list of predicates with their arguments; nil.
     PushFacts(Value),
-    /// The newest of them are no longer in force; nil.
-    PopFacts,
+    /// Queries of the task see this tree; nil.
+    PushTree(Value),
+    /// The newest of such facts or trees are no longer in force; nil.
+    PopScope,
     /// Run a plan as a root of its own; the call has the tree as its value.
     RunPlan {
         /// The plan.
@@ -129,11 +131,14 @@ impl From<Value> for Next {
 /// The failure of a value of the wrong kind. `expected` names the right one: "a list".
 #[must_use]
 pub fn type_error(expected: &str, value: &Value) -> Raise {
-    let shown = crate::print::brief(value);
+    let shown = match value.is_nil() {
+        true => "nil".to_string(),
+        false => format!("the {} {}", value.type_name(), crate::print::brief(value)),
+    };
     Box::new(Failure::with(
         Builtin::TypeError,
         vec![
-            ("message", Value::str(format!("expected {expected}, got the {} {shown}", value.type_name()))),
+            ("message", Value::str(format!("expected {expected}, got {shown}"))),
             ("expected", Value::str(expected)),
             ("value", value.clone()),
         ],

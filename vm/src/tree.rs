@@ -88,6 +88,18 @@ pub enum Status {
 }
 
 impl Status {
+    /// All of them.
+    pub const ALL: &[Status] = &[
+        Status::Planned,
+        Status::Created,
+        Status::Running,
+        Status::Suspended,
+        Status::Deferred,
+        Status::Succeeded,
+        Status::Failed,
+        Status::Evaporated,
+        Status::Skipped,
+    ];
     /// True for a status that is never left.
     #[must_use]
     pub fn is_final(self) -> bool {
@@ -134,6 +146,8 @@ pub enum Why {
     Parent,
     /// A task asked for it.
     Asked,
+    /// A task asked for it, and for dropping what was owed.
+    Emergency,
 }
 
 impl Why {
@@ -149,6 +163,7 @@ impl Why {
         Why::Timeout,
         Why::Parent,
         Why::Asked,
+        Why::Emergency,
     ];
     /// The word for it; empty where there is nothing to say.
     #[must_use]
@@ -164,6 +179,7 @@ impl Why {
             Why::Timeout => "timeout",
             Why::Parent => "parent",
             Why::Asked => "asked",
+            Why::Emergency => "emergency",
         }
     }
 }
@@ -183,6 +199,8 @@ pub enum NodeKind {
 }
 
 impl NodeKind {
+    /// All of them.
+    pub const ALL: &[NodeKind] = &[NodeKind::TopLevel, NodeKind::Plan, NodeKind::Action, NodeKind::Branch];
     /// The word for it.
     #[must_use]
     pub fn word(self) -> &'static str {
@@ -541,6 +559,16 @@ impl Tree {
     pub fn begins(&mut self, slot: SlotId) {
         let next = RecId(self.records.len as u32);
         self.slots.get_mut(slot.0).since = next;
+    }
+
+    /// A slot has its place among its siblings where `first` has it, whenever it begins: branches of one form
+    /// stand in the order of their making.
+    pub fn stands_with(&mut self, slot: SlotId, first: SlotId) {
+        if slot == first {
+            return;
+        }
+        let since = self.slots.get(first.0).since;
+        self.slots.get_mut(slot.0).since = since;
     }
 
     /// The children of `rec` may be called again: look before a slot is added.

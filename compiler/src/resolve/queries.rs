@@ -41,6 +41,22 @@ pub(super) fn query(it: &mut Compiler<'_>, scope: &mut Scope, form: &Form, args:
     }
 }
 
+/// `(why goal)`
+pub(super) fn why(it: &mut Compiler<'_>, scope: &mut Scope, form: &Form, args: &[Form]) -> Expr {
+    match args {
+        [goal] => it.query(scope, "%why", goal, Template::Map, form),
+        _ => it.misshapen(form, "takes one goal"),
+    }
+}
+
+/// `(why-not goal)`
+pub(super) fn why_not(it: &mut Compiler<'_>, scope: &mut Scope, form: &Form, args: &[Form]) -> Expr {
+    match args {
+        [goal] => it.query(scope, "%why-not", goal, Template::Map, form),
+        _ => it.misshapen(form, "takes one goal"),
+    }
+}
+
 /// `(for-each-answer (?x …) goal body…)`: a loop over the lists of the values.
 pub(super) fn for_each_answer(it: &mut Compiler<'_>, scope: &mut Scope, form: &Form, args: &[Form]) -> Expr {
     let [names, goal, body @ ..] = args else { return it.misshapen(form, "needs variables and a goal") };
@@ -84,7 +100,7 @@ pub(super) fn with_facts(it: &mut Compiler<'_>, scope: &mut Scope, form: &Form, 
     let list = it.list_of(facts, span);
     let var = scope.hidden(span);
     let push = it.native_call("%push-facts", vec![Some(Expr::new(ExprKind::Var(var), span))], span);
-    let pop = it.native_call("%pop-facts", Vec::new(), span);
+    let pop = it.native_call("%pop-scope", Vec::new(), span);
     let body = Expr::seq(std::iter::once(push).chain(body).collect(), span);
     let guarded = Expr::new(ExprKind::Protect(Box::new(body), vec![pop]), span);
     Expr::new(ExprKind::Let(vec![(var, list)], vec![guarded]), span)

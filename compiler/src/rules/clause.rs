@@ -5,16 +5,14 @@ use std::collections::BTreeMap;
 use grammar::{Form, FormKind, Span};
 use vm::rules::clause::{Clause, Goal, GoalKind, Kind, PredId, Term};
 use vm::rules::show;
-use vm::value::{Symbol, Value};
+use vm::value::{Imm, Symbol, Value};
 
 use super::declare::Group;
 use super::flow::Flow;
 use super::{Rule, Staged, place};
 use crate::error::CompileError;
+use crate::module::{Definition, Found, Meaning, ModuleId, nearest};
 use crate::{Compiler, Report};
-
-/// Predicates whose clauses match descriptions that say more than their heads.
-const OPEN_HEADS: [&str; 1] = ["action-grounding"];
 
 /// What has been seen of a group, to find clauses that nothing reaches.
 #[derive(Default)]
@@ -92,7 +90,12 @@ impl Compiler<'_> {
         let items = form.list().unwrap_or_default();
         let mut rule = Rule::new(group.module);
         let before = self.reports.len();
-        let head = self.terms(&mut rule, &items.get(1)?.list()?[1..]);
+        let forms = &items.get(1)?.list()?[1..];
+        let mut head = self.terms(&mut rule, forms);
+        let name = self.program.rules.predicates[predicate.at()].declared.name;
+        if let (vm::rules::GROUNDING, [_, call]) = (name.as_str(), &mut head[..]) {
+            self.name_plan(group.module, call, forms.last().map_or(form.span, |call| call.span));
+        }
         let (priority, goals) = match &items[2..] {
             [Form { kind: FormKind::Keyword(word), .. }, Form { kind: FormKind::Int(n), .. }, goals @ ..]
                 if *word == "priority" =>
@@ -110,8 +113,8 @@ impl Compiler<'_> {
         let kind = self.conjunction(&mut rule, goals);
         let body = Goal { kind, place: place(form.span) };
         let vars = rule.var_names();
-        let name = self.program.rules.predicates[predicate.at()].declared.name;
-        let open = OPEN_HEADS.contains(&name.as_str());
+        // Its clauses match descriptions that say more than their heads.
+        let open = name == vm::rules::GROUNDING;
         let place = place(form.span);
         let mut clause = Clause { predicate, head, open, body, vars, priority, text, place };
         if self.reports[before..].iter().all(Report::is_warning) {
@@ -119,6 +122,39 @@ impl Compiler<'_> {
             self.check_singletons(&rule);
         }
         Some(clause)
+    }
+
+    /// In what an action is grounded to the name of a plan means the plan.
+    fn name_plan(&mut self, module: ModuleId, call: &mut Term, at: Span) {
+        let name = match &*call {
+            Term::Pair(first, _) => match &**first {
+                Term::Const(value) => value.as_symbol(),
+                _ => None,
+            },
+            Term::Const(value) => value.as_pair().and_then(|(first, _)| first.as_symbol()),
+            _ => None,
+        };
+        let Some(name) = name else { return };
+        let plan = match self.look_up(module, name) {
+            Found::One(Definition { meaning: Meaning::Plan(id, _) | Meaning::Function(id, _), .. }) => {
+                Value::Imm(Imm::Function(id))
+            }
+            _ => {
+                let names = self.modules.visible(module);
+                let near = nearest(&name, names.iter().map(|it| it.as_str()));
+                let help = near.map(|near| format!("did you mean `{near}`?"));
+                self.error(CompileError::UnknownName { name: name.to_string(), at, help });
+                return;
+            }
+        };
+        match call {
+            Term::Pair(first, _) => **first = Term::Const(plan),
+            Term::Const(value) => {
+                let args = value.as_pair().map_or(Value::NIL, |pair| pair.1.clone());
+                *value = Value::cons(plan, args);
+            }
+            _ => {}
+        }
     }
 
     /// Follows the values through a clause; a query has values for its first `given` arguments.

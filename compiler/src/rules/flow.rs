@@ -63,7 +63,7 @@ impl<'a> Flow<'a> {
     fn goal(&mut self, goal: &mut Goal, state: &mut State) {
         let at = goal.place;
         match &mut goal.kind {
-            GoalKind::True | GoalKind::False | GoalKind::Identical(..) => {}
+            GoalKind::True | GoalKind::Tick(_) | GoalKind::False | GoalKind::Identical(..) => {}
             GoalKind::Cut => self.cut(at, state),
             GoalKind::And(goals) => self.row(goals, state),
             GoalKind::Or(goals) => self.alternatives(goals, state),

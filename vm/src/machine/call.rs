@@ -435,14 +435,18 @@ impl Machine {
             }
             Next::Sleep(ns) => self.sleep(d, ns),
             Next::Task(op) => self.task_op(host, d, op),
-            Next::Query { predicate, inputs, ask } => self.ask(d, predicate, &inputs, ask),
+            Next::Query { predicate, inputs, ask } => self.ask(host, d, predicate, &inputs, ask),
             Next::Part(stream, part) => self.stream_part(d, &stream, part),
             Next::PushFacts(facts) => {
                 self.push_facts(&facts)?;
                 self.put(d, Value::NIL)
             }
-            Next::PopFacts => {
-                self.pop_facts();
+            Next::PushTree(tree) => {
+                self.push_tree(&tree)?;
+                self.put(d, Value::NIL)
+            }
+            Next::PopScope => {
+                self.pop_scope();
                 self.put(d, Value::NIL)
             }
             Next::RunPlan { plan, args, tree } => self.run_plan(host, d, &plan, args, tree),
@@ -622,11 +626,7 @@ impl Machine {
         }
         if !self.breaks.is_empty() {
             let slot = run.tree.record(rec).slot;
-            let names = |most: usize| {
-                let up = std::iter::successors(Some(slot), |at| Some(run.tree.slot(*at).parent));
-                up.take(most).map(|at| run.tree.slot(at).name).collect::<Vec<_>>()
-            };
-            if self.breaks.iter().any(|path| names(path.len()).iter().eq(path.iter().rev())) {
+            if self.breaks.iter().any(|end| end.is_of(&run.tree, slot)) {
                 self.broke = Some(slot);
             }
         }

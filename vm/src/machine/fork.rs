@@ -72,6 +72,8 @@ pub(super) struct Fork {
     open: usize,
     /// Which branches come before which.
     edges: Vec<(usize, usize)>,
+    /// The branch that was started first, where some are started later than others.
+    first: Option<SlotId>,
     /// When its time is over.
     deadline: Option<u64>,
     /// What it ends with, once all branches that run have ended.
@@ -111,15 +113,15 @@ impl Branch {
             _ => Value::NIL,
         }
     }
-    /// The failure of a clean-up while the branch was stopped. One that was in its clean-up already, and
-    /// could not be stopped, ends with it.
-    fn clean_up_failure(&self) -> Option<Value> {
-        let (_, outcome) = self.end.as_ref()?;
-        let failure = outcome.as_ref().err()?;
-        match is_evaporation(failure) {
-            true => failure.as_failure()?.also.first().cloned(),
-            false => self.stopped.then(|| failure.clone()),
-        }
+    /// The failures of clean-ups while the branch was stopped, and the round in which it ended. One that was in
+    /// its clean-up already, and could not be stopped, ends with it.
+    fn clean_up_failures(&self) -> Vec<(u64, Value)> {
+        let Some((round, Err(failure))) = &self.end else { return Vec::new() };
+        let failures = match failure.as_failure() {
+            Some(it) if is_evaporation(failure) => it.also.clone(),
+            _ => self.stopped.then(|| failure.clone()).into_iter().collect(),
+        };
+        failures.into_iter().map(|failure| (*round, failure)).collect()
     }
     /// Its arguments, then what its function captured.
     fn values<'b>(&'b self, handles: &'b [Value]) -> impl Iterator<Item = Value> + 'b {
@@ -174,7 +176,17 @@ impl Machine {
             ForkKind::WithTimeout => Some(self.top().now.saturating_add(nanoseconds(&extra)?)),
             _ => None,
         };
-        let fork = Fork { kind, branches, handles, open: 0, edges, deadline, ending: None, late: false };
+        let fork = Fork {
+            kind,
+            branches,
+            handles,
+            open: 0,
+            edges,
+            first: None,
+            deadline,
+            ending: None,
+            late: false,
+        };
         self.push_driver(Driver::Fork(Box::new(fork)), d);
         self.fork_resumed_with(host)
     }
@@ -241,12 +253,15 @@ impl Machine {
         match fork.ending.take() {
             Some(outcome) if fork.open == 0 => {
                 self.top().tasks.reclaim();
-                let failed: Vec<Value> = fork.branches.iter().filter_map(Branch::clean_up_failure).collect();
                 match outcome {
                     Ok(value) => self.return_value(value),
                     Err(failure) => {
                         self.return_value(Value::NIL)?;
-                        let failure = failed.into_iter().fold(failure, |it, other| with_also(&it, other));
+                        let failed = fork.branches.iter().flat_map(Branch::clean_up_failures);
+                        let mut failed: Vec<(u64, Value)> = failed.collect();
+                        failed.sort_by_key(|(round, _)| *round);
+                        let failure =
+                            failed.into_iter().fold(failure, |it, (_, other)| with_also(&it, other));
                         Ok(self.throw(host, failure))
                     }
                 }
@@ -291,6 +306,10 @@ impl Machine {
             let branch = &mut fork.branches[at];
             branch.started = true;
             fork.open += 1;
+            let first = match fork.edges.is_empty() {
+                true => branch.slot,
+                false => *fork.first.get_or_insert(branch.slot),
+            };
             let run = self.top();
             if !run.tree.edits_of(branch.slot).is_empty() {
                 let parent = run.record(run.here);
@@ -299,6 +318,7 @@ impl Machine {
                 let mut call = Call::of_branch(slot, parent, branch.function, values);
                 run.tree.calls(slot, branch.function);
                 call.rec = self.record_of_call(host, &call);
+                self.top().tree.stands_with(slot, first);
                 self.top().start_call(task, call);
                 self.status_changed(host, task);
                 continue;
@@ -311,6 +331,7 @@ impl Machine {
             let args = if branch.element.is_unset() { &[][..] } else { &shown[..] };
             let rec = run.tree.enter(parent, branch.slot, NodeKind::Branch, args, run.now);
             run.tree.record_mut(rec).flags |= DRIVEN;
+            run.tree.stands_with(branch.slot, first);
             run.note_late(rec);
             run.tree.calls(branch.slot, branch.function);
             run.start_task(branch.task, rec, entry, branch.values(&fork.handles));

@@ -20,6 +20,7 @@ mod call;
 mod cleanup;
 mod drive;
 mod edits;
+mod explain;
 mod fluent;
 mod fork;
 mod hot;
@@ -41,10 +42,12 @@ use crate::limits::{Grants, Limits};
 use crate::log::Log;
 use crate::native::Raise;
 use crate::op::Op;
+use crate::path::PathEnd;
 use crate::tree::{RecId, Status, Tree};
 use crate::value::{Value, live};
 
 pub use call::takes;
+pub use explain::PlanStep;
 use drive::Driver;
 pub use fluent::TaskOp;
 pub use fork::{ForkKind, nanoseconds};
@@ -116,6 +119,8 @@ struct Run {
     memo_index: FxHashMap<(RecId, Chain), u32>,
     occurrences: FxHashMap<RecId, Occurrences>,
     draws: Draws,
+    /// How much each record has asked of the outside.
+    asked: FxHashMap<RecId, u32>,
     /// Memory for walks over frames.
     levels: Vec<(Option<crate::code::SiteId>, u32)>,
     /// The edit that each piece of inserted code belongs to.
@@ -162,6 +167,7 @@ impl Run {
             memo_index: FxHashMap::default(),
             occurrences: FxHashMap::default(),
             draws: Draws::default(),
+            asked: FxHashMap::default(),
             levels: Vec::new(),
             edit_of,
             obligations: Vec::new(),
@@ -239,7 +245,7 @@ pub struct Machine {
     /// The host is told of starts and ends.
     tells: bool,
     /// Ends of paths: a task that begins there stops the run.
-    breaks: Vec<Vec<crate::value::Symbol>>,
+    breaks: Vec<PathEnd>,
     /// The task that has just stopped it.
     broke: Option<crate::tree::SlotId>,
     /// The host has stopped the run while time was to pass.
@@ -289,8 +295,8 @@ impl Machine {
         self.look_at_starts();
     }
 
-    /// Stops the run where a task begins whose path ends with one of these lists of names.
-    pub fn break_at(&mut self, breaks: Vec<Vec<crate::value::Symbol>>) {
+    /// Stops the run where a task begins whose path ends so.
+    pub fn break_at(&mut self, breaks: Vec<PathEnd>) {
         self.breaks = breaks;
         self.look_at_starts();
     }

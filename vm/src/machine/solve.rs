@@ -32,10 +32,15 @@ pub(super) struct Solve {
 
 /// A query from outside of a run.
 pub struct Query {
-    engine: Engine,
+    pub(super) engine: Engine,
 }
 
 impl Query {
+    /// What it sees.
+    #[must_use]
+    pub fn view(&self) -> &View {
+        &self.engine.view
+    }
     /// True if there is nothing more to try after the answer.
     #[must_use]
     pub fn is_last(&self) -> bool {
@@ -69,20 +74,44 @@ pub enum Part {
     More,
 }
 
-/// Facts that are in force for a while in a task and its branches, the newest first.
-pub(super) type Scoped = Option<Rc<ScopedFacts>>;
+/// What is in force for a while in a task and its branches, the newest first.
+pub(super) type Scoped = Option<Rc<Scope>>;
 
-/// Some of them, and those that were in force before.
-pub(super) struct ScopedFacts {
+/// Facts or a tree, and what was in force before.
+pub(super) struct Scope {
     facts: Vec<(PredId, Vec<Value>)>,
+    tree: Option<Rc<TreeView>>,
     before: Scoped,
 }
 
 impl Machine {
     /// Asks a predicate whose last argument is what an answer is.
-    pub(super) fn ask(&mut self, d: u8, predicate: PredId, inputs: &[Value], ask: Ask) -> Slow {
+    pub(super) fn ask(
+        &mut self,
+        host: &mut dyn Host,
+        d: u8,
+        predicate: PredId,
+        inputs: &[Value],
+        ask: Ask,
+    ) -> Slow {
         let engine = self.engine(predicate, inputs)?;
         let want = match ask {
+            Ask::Why | Ask::WhyNot => {
+                let parts = match ask {
+                    Ask::Why => self.why(host, predicate, inputs),
+                    _ => self.why_not(host, predicate, inputs).map(Some),
+                };
+                return match parts {
+                    Ok(Some(parts)) if !parts.is_empty() => {
+                        self.put(d, Value::str(crate::rules::why::text(&parts, &|_| None)))
+                    }
+                    Ok(_) => self.put(d, Value::NIL),
+                    Err(failure) => match failure.as_failure() {
+                        Some(failure) => Err(Box::new(failure.clone())),
+                        None => self.put(d, Value::NIL),
+                    },
+                };
+            }
             Ask::Whether => Want::Whether,
             Ask::All => Want::All(Vec::new()),
             Ask::Stream => {
@@ -156,7 +185,7 @@ impl Machine {
         if let Some(tree) = tree {
             view.tree = tree;
         }
-        Query { engine: Engine::new(predicate, inputs, view) }
+        Query { engine: Engine::new(predicate, inputs, view, false) }
     }
 
     /// The next answer of a query, or nothing after the last. Functions that rules call are computed at
@@ -207,15 +236,17 @@ impl Machine {
     /// An engine about to solve a predicate, with all that the query can see.
     fn engine(&mut self, predicate: PredId, inputs: &[Value]) -> Result<Box<Engine>, Raise> {
         let view = self.view(predicate);
-        Ok(Box::new(Engine::new(predicate, inputs, view)))
+        Ok(Box::new(Engine::new(predicate, inputs, view, false)))
     }
 
     /// What a query sees besides rules, as it is now.
-    fn view(&mut self, predicate: PredId) -> View {
+    pub(super) fn view(&mut self, predicate: PredId) -> View {
         let mut scoped: Vec<(PredId, Vec<Cell>)> = Vec::new();
         let run = &self.runs[self.runs.len() - 1];
-        let mut level = run.tasks.get(run.tasks.loaded).facts.clone();
+        let mut level = run.tasks.get(run.tasks.loaded).scope.clone();
+        let mut tree = None;
         while let Some(it) = level {
+            tree = tree.or_else(|| it.tree.clone());
             for (predicate, args) in &it.facts {
                 let cells: Vec<Cell> = args.iter().map(|arg| self.program.rules.cell(arg)).collect();
                 match scoped.iter_mut().find(|known| known.0 == *predicate) {
@@ -230,9 +261,10 @@ impl Machine {
             (predicate, Rc::new(Facts::new(arity.into(), cells)))
         };
         let scoped = scoped.into_iter().map(table).collect();
-        let tree = match self.program.rules.sees_tree(predicate) {
-            true => self.tree_view(),
-            false => Rc::default(),
+        let tree = match tree {
+            Some(tree) => tree,
+            None if self.program.rules.sees_tree(predicate) => self.tree_view(),
+            None => Rc::default(),
         };
         View { scoped, tree }
     }
@@ -351,16 +383,27 @@ impl Machine {
         }
         let tasks = &mut self.top().tasks;
         let task = tasks.get_mut(tasks.loaded);
-        let before = task.facts.take();
-        task.facts = Some(Rc::new(ScopedFacts { facts: all, before }));
+        let before = task.scope.take();
+        task.scope = Some(Rc::new(Scope { facts: all, tree: None, before }));
         Ok(())
     }
 
-    /// The newest facts are no longer in force.
-    pub(super) fn pop_facts(&mut self) {
+    /// Queries of the running task see another tree.
+    pub(super) fn push_tree(&mut self, tree: &Value) -> Result<(), Raise> {
+        let tree = tree.as_tree().ok_or_else(|| type_error("a tree", tree))?;
+        let tree = Some(Rc::new(TreeView::of(&self.program, tree)));
         let tasks = &mut self.top().tasks;
         let task = tasks.get_mut(tasks.loaded);
-        task.facts = task.facts.take().and_then(|it| it.before.clone());
+        let before = task.scope.take();
+        task.scope = Some(Rc::new(Scope { facts: Vec::new(), tree, before }));
+        Ok(())
+    }
+
+    /// The newest facts, or the newest tree, are no longer in force.
+    pub(super) fn pop_scope(&mut self) {
+        let tasks = &mut self.top().tasks;
+        let task = tasks.get_mut(tasks.loaded);
+        task.scope = task.scope.take().and_then(|it| it.before.clone());
     }
 }
 

@@ -163,6 +163,8 @@ pub enum GoalKind {
         /// Sorted, without repetitions.
         set: bool,
     },
+    /// Counts how often it is met: nobody writes it, the plan of a query shows the number.
+    Tick(u32),
     /// `(forall test goal)`: every answer of the test is one of the goal.
     ForAll(Box<Goal>, Box<Goal>),
 }
@@ -277,7 +279,7 @@ impl Goal {
     /// Visits its variables, each as often as it stands there.
     pub fn each_var(&self, visit: &mut dyn FnMut(VarNo)) {
         match &self.kind {
-            GoalKind::True | GoalKind::False | GoalKind::Cut => {}
+            GoalKind::True | GoalKind::False | GoalKind::Cut | GoalKind::Tick(_) => {}
             GoalKind::And(goals) | GoalKind::Or(goals) => goals.iter().for_each(|it| it.each_var(visit)),
             GoalKind::Not(goal, _) | GoalKind::Once(goal) => goal.each_var(visit),
             GoalKind::If { test, then, otherwise, .. } => {
@@ -323,5 +325,86 @@ impl Goal {
                 goal.each_var(visit);
             }
         }
+    }
+}
+
+impl Term {
+    /// The same term with each variable and constant replaced by what `change` makes of it.
+    #[must_use]
+    pub fn map(&self, change: &mut dyn FnMut(&Term) -> Term) -> Term {
+        match self {
+            Term::Var(_) | Term::Any | Term::Const(_) => change(self),
+            Term::Pair(first, rest) => Term::Pair(Box::new(first.map(change)), Box::new(rest.map(change))),
+            Term::Vector(items) => Term::Vector(items.iter().map(|item| item.map(change)).collect()),
+            Term::Map(entries) => {
+                Term::Map(entries.iter().map(|(key, item)| (key.clone(), item.map(change))).collect())
+            }
+            Term::Desc(kind, properties) => {
+                Term::Desc(*kind, properties.iter().map(|(key, item)| (*key, item.map(change))).collect())
+            }
+        }
+    }
+}
+
+impl Number {
+    fn map(&self, change: &mut dyn FnMut(&Term) -> Term) -> Number {
+        match self {
+            Number::Term(term) => Number::Term(term.map(change)),
+            Number::Op(op, a, b) => Number::Op(*op, Box::new(a.map(change)), Box::new(b.map(change))),
+        }
+    }
+}
+
+impl Goal {
+    /// The same goal with each variable and constant in it replaced by what `change` makes of it.
+    #[must_use]
+    pub fn map(&self, change: &mut dyn FnMut(&Term) -> Term) -> Goal {
+        let goals = |goals: &[Goal], change: &mut dyn FnMut(&Term) -> Term| {
+            goals.iter().map(|goal| goal.map(change)).collect::<Vec<_>>()
+        };
+        let terms = |terms: &[Term], change: &mut dyn FnMut(&Term) -> Term| {
+            terms.iter().map(|term| term.map(change)).collect::<Vec<_>>()
+        };
+        let kind = match &self.kind {
+            GoalKind::True => GoalKind::True,
+            GoalKind::Tick(n) => GoalKind::Tick(*n),
+            GoalKind::False => GoalKind::False,
+            GoalKind::Cut => GoalKind::Cut,
+            GoalKind::And(all) => GoalKind::And(goals(all, change)),
+            GoalKind::Or(all) => GoalKind::Or(goals(all, change)),
+            GoalKind::Not(goal, vars) => GoalKind::Not(Box::new(goal.map(change)), vars.clone()),
+            GoalKind::If { test, then, otherwise, soft } => GoalKind::If {
+                test: Box::new(test.map(change)),
+                then: Box::new(then.map(change)),
+                otherwise: otherwise.as_ref().map(|goal| Box::new(goal.map(change))),
+                soft: *soft,
+            },
+            GoalKind::Once(goal) => GoalKind::Once(Box::new(goal.map(change))),
+            GoalKind::Call(predicate, args) => GoalKind::Call(*predicate, terms(args, change)),
+            GoalKind::CallValue(goal, args) => GoalKind::CallValue(goal.map(change), terms(args, change)),
+            GoalKind::Unify(a, b) => GoalKind::Unify(a.map(change), b.map(change)),
+            GoalKind::Matches(a, b) => GoalKind::Matches(a.map(change), b.map(change)),
+            GoalKind::Identical(a, b) => GoalKind::Identical(a.map(change), b.map(change)),
+            GoalKind::Compare(how, a, b) => GoalKind::Compare(*how, a.map(change), b.map(change)),
+            GoalKind::Is(term, number) => GoalKind::Is(term.map(change), number.map(change)),
+            GoalKind::Fun(function, args, result) => {
+                GoalKind::Fun(*function, terms(args, change), result.map(change))
+            }
+            GoalKind::Collect(kind, template, goal, result) => {
+                let (template, goal) = (template.map(change), Box::new(goal.map(change)));
+                GoalKind::Collect(*kind, template, goal, result.map(change))
+            }
+            GoalKind::Bag { template, by, goal, list, set } => GoalKind::Bag {
+                template: template.map(change),
+                by: by.clone(),
+                goal: Box::new(goal.map(change)),
+                list: list.map(change),
+                set: *set,
+            },
+            GoalKind::ForAll(test, goal) => {
+                GoalKind::ForAll(Box::new(test.map(change)), Box::new(goal.map(change)))
+            }
+        };
+        Goal { kind, place: self.place }
     }
 }

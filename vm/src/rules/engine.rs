@@ -117,6 +117,8 @@ pub struct Engine {
     /// What the query sees besides rules.
     pub view: View,
     pub(super) tables: Tables,
+    /// How often each counter of the clauses has been met.
+    pub ticks: Vec<u64>,
     /// The goals that are open, for explanations.
     pub(super) trace: Option<Box<super::why::Trace>>,
     started: bool,
@@ -126,14 +128,19 @@ pub struct Engine {
 const WINDOW: usize = 256;
 
 impl Engine {
-    /// A query for `predicate`, whose last argument is what an answer is.
+    /// A query for `predicate`, whose last argument is what an answer is. With `open`, the names `?_0` … in
+    /// the inputs stand for variables.
     #[must_use]
-    pub fn new(predicate: PredId, inputs: &[Value], view: View) -> Engine {
+    pub fn new(predicate: PredId, inputs: &[Value], view: View, open: bool) -> Engine {
         let mut store = Store::default();
         let template = store.fresh();
         let mut stack = vec![Cell::NIL; 2 * WINDOW];
+        let mut vars = Vec::new();
         for (register, value) in stack.iter_mut().zip(inputs) {
-            *register = store.import(value);
+            *register = match open {
+                true => store.import_open(value, &mut vars).unwrap_or(Cell::NIL),
+                false => store.import(value),
+            };
         }
         if let Some(register) = stack.get_mut(inputs.len()) {
             *register = template;
@@ -157,6 +164,7 @@ impl Engine {
             template,
             view,
             tables: Tables::default(),
+            ticks: Vec::new(),
             trace: None,
             started: false,
         };
@@ -488,8 +496,13 @@ impl Engine {
                             if !self.enter_clauses(rules, predicate) {
                                 return Ok(Out::Back);
                             }
-                        } else if !self.call_predicate(program, predicate, above)? {
-                            return Ok(Out::Back);
+                        } else {
+                            if let Some(trace) = &mut self.trace {
+                                trace.begin(self.frame);
+                            }
+                            if !self.call_predicate(program, predicate, above)? {
+                                return Ok(Out::Back);
+                            }
                         }
                         continue 'window;
                     }
@@ -552,7 +565,7 @@ impl Engine {
                     RuleOp::Proceed => {
                         let frame = self.frames[self.frame as usize];
                         if let Some(trace) = &mut self.trace {
-                            trace.leave(frame.parent);
+                            trace.leave(self.frame);
                         }
                         (self.pc, self.base, self.frame) = (frame.pc, frame.base, frame.parent);
                         continue 'window;
@@ -568,6 +581,13 @@ impl Engine {
                         return Ok(Out::Back);
                     }
                     RuleOp::Fail => fail!(),
+                    RuleOp::Tick(n) => {
+                        let n = n as usize;
+                        if self.ticks.len() <= n {
+                            self.ticks.resize(n + 1, 0);
+                        }
+                        self.ticks[n] += 1;
+                    }
 
                     RuleOp::Jump(t) => pc = t.0 as usize,
                     RuleOp::Try(n, t) => {
@@ -658,7 +678,11 @@ impl Engine {
     pub(super) fn enter_clauses(&mut self, rules: &Rules, predicate: PredId) -> bool {
         let it = &rules.predicates[predicate.at()];
         let args = &self.stack[self.base as usize..][..usize::from(it.declared.arity)];
-        let selected = it.index.select(&self.store, args);
+        let index = match &it.written {
+            Some(written) if self.trace.is_some() => written,
+            _ => &it.index,
+        };
+        let selected = index.select(&self.store, args);
         self.entry = self.choices.len() as u32;
         let Some(first) = rules.lists.get(selected.start as usize) else { return false };
         match selected.len() {
@@ -670,6 +694,9 @@ impl Engine {
             }
         }
         self.pc = first.0;
+        if let Some(trace) = &mut self.trace {
+            trace.enter(*first);
+        }
         true
     }
 
@@ -677,8 +704,8 @@ impl Engine {
     fn call_predicate(&mut self, program: &Program, predicate: PredId, base: u32) -> Result<bool, Raise> {
         let it = &program.rules.predicates[predicate.at()];
         let arity = it.declared.arity;
-        if self.trace.is_some() {
-            self.note_call(program, predicate);
+        if let Some(trace) = &mut self.trace {
+            trace.call(predicate, &self.stack[self.base as usize..][..usize::from(arity)]);
         }
         if let Some((_, facts)) = self.view.scoped.iter().find(|scoped| scoped.0 == predicate) {
             let facts = facts.clone();
@@ -747,7 +774,7 @@ impl Engine {
     pub(super) fn proceed(&mut self) -> bool {
         let frame = self.frames[self.frame as usize];
         if let Some(trace) = &mut self.trace {
-            trace.leave(frame.parent);
+            trace.leave(self.frame);
         }
         (self.pc, self.base, self.frame) = (frame.pc, frame.base, frame.parent);
         true
@@ -796,6 +823,9 @@ impl Engine {
         self.frames.truncate(frame as usize);
         self.frames.push(Frame { parent: self.frame, pc: self.pc, base: self.base });
         (self.frame, self.base) = (frame, above);
+        if let Some(trace) = &mut self.trace {
+            trace.begin(frame);
+        }
         self.enter(program, predicate)
     }
 
@@ -883,6 +913,9 @@ impl Engine {
                         self.pop_choice();
                     }
                     self.pc = program.rules.lists[at].0;
+                    if let Some(trace) = &mut self.trace {
+                        trace.enter(program.rules.lists[at]);
+                    }
                     return Ok(true);
                 }
                 Alternative::Facts(facts, rows) => {

@@ -517,6 +517,7 @@ impl Lowering<'_> {
         let saved = self.next;
         match &goal.kind {
             GoalKind::True => {}
+            GoalKind::Tick(n) => drop(self.emit(RuleOp::Tick(*n))),
             GoalKind::False => drop(self.emit(RuleOp::Fail)),
             GoalKind::Cut => {
                 if let Some(entry) = self.entry {

@@ -11,7 +11,9 @@ pub mod engine;
 pub mod index;
 pub mod lower;
 pub mod native;
+pub mod nearest;
 pub mod op;
+pub mod plan;
 pub mod show;
 pub mod store;
 pub mod stream;
@@ -34,6 +36,9 @@ use crate::code::{Pc, Place};
 use crate::value::{Obj, Symbol, Value};
 use view::TreeView;
 
+/// The name of the predicate that says which plan performs an action.
+pub const GROUNDING: &str = "action-grounding";
+
 /// All rules of a program. Like its code it only grows, but clauses may be taken away.
 pub struct Rules {
     /// The predicates.
@@ -52,6 +57,8 @@ pub struct Rules {
     pub cells: Vec<Cell>,
     /// Shapes and keys of structures in clauses.
     pub templates: Vec<Keys>,
+    /// The predicate that says which plan performs an action, if a module declares it.
+    pub grounding: Option<PredId>,
     constant_index: rustc_hash::FxHashMap<u64, Vec<u32>>,
     /// Predicates that have changed since they were compiled.
     changed: Vec<PredId>,
@@ -69,6 +76,7 @@ impl Default for Rules {
             constants: Rc::default(),
             cells: Vec::new(),
             templates: Vec::new(),
+            grounding: None,
             constant_index: rustc_hash::FxHashMap::default(),
             changed: Vec::new(),
         }
@@ -86,6 +94,14 @@ pub struct Predicate {
     /// It is code, and nothing more has to be looked at.
     is_plain: bool,
     index: ClauseIndex,
+    /// Where the code of each clause begins.
+    entries: Vec<Pc>,
+    /// The clauses as they are written, where the planner has changed some: for explanations.
+    written: Option<ClauseIndex>,
+    /// Clauses of which the planner has changed the order of goals.
+    pub planned: Vec<Option<Clause>>,
+    /// Predicates that stand in the place of calls in its clauses.
+    inlined: Vec<PredId>,
     table: Rc<Facts>,
     native: Option<NativeRule>,
     /// A query for it may look at a tree.
@@ -101,6 +117,10 @@ pub enum Ask {
     All,
     /// `(query goal)`: a stream.
     Stream,
+    /// `(why goal)`: the proof of the first answer as text, nil without one.
+    Why,
+    /// `(why-not goal)`: what does not hold, as text; nil if there is an answer.
+    WhyNot,
 }
 
 /// What a query sees besides rules: all as it was when the query was opened.
@@ -131,11 +151,20 @@ impl Rules {
             facts: Vec::new(),
             is_plain: false,
             index: ClauseIndex::default(),
+            entries: Vec::new(),
+            written: None,
+            planned: Vec::new(),
+            inlined: Vec::new(),
             table: Rc::default(),
             native,
             sees_tree: false,
         });
-        PredId(self.predicates.len() as u32 - 1)
+        let id = PredId(self.predicates.len() as u32 - 1);
+        let it = &self.predicates[id.at()].declared;
+        if it.name == GROUNDING && it.arity == 2 && self.grounding.is_none() {
+            self.grounding = Some(id);
+        }
+        id
     }
 
     /// Adds a clause; see [`Clause::priority`] for the order.
@@ -176,28 +205,66 @@ impl Rules {
     /// Compiles what has changed. Returns the clauses that have too many variables.
     pub fn link(&mut self) -> Vec<Place> {
         let mut changed = std::mem::take(&mut self.changed);
+        self.add_dependents(&mut changed);
         changed.sort();
         changed.dedup();
         let mut refused = Vec::new();
         for id in changed {
+            let planned: Vec<_> =
+                self.predicates[id.at()].clauses.iter().map(|clause| plan::plan(self, clause)).collect();
             let clauses = std::mem::take(&mut self.predicates[id.at()].clauses);
-            let mut code = Vec::with_capacity(clauses.len());
-            for clause in &clauses {
-                match lower::lower(self, clause) {
-                    Ok(lowered) => code.push((lowered.entry, lowered.keys)),
-                    Err(lower::TooManyVariables) => refused.push(clause.place),
+            let written = self.compile(clauses.iter(), &mut refused);
+            let entries = written.iter().map(|clause| clause.0).collect();
+            let is_planned = planned.iter().any(Option::is_some);
+            let (code, plain) = match is_planned {
+                true => {
+                    let better = clauses.iter().zip(&planned);
+                    let better = better.map(|(it, planned)| planned.as_ref().map_or(it, |it| &it.clause));
+                    let code = self.compile(better, &mut refused);
+                    (code, Some(ClauseIndex::new(&written, &mut self.lists)))
                 }
-            }
+                false => (written, None),
+            };
+            let inlined = planned.iter().flatten().flat_map(|it| it.inlined.iter().copied()).collect();
             let facts = std::mem::take(&mut self.predicates[id.at()].facts);
             let cells = facts.iter().flatten().map(|value| self.cell(value)).collect();
             let index = ClauseIndex::new(&code, &mut self.lists);
             let it = &mut self.predicates[id.at()];
+            (it.entries, it.written, it.inlined) = (entries, plain, inlined);
+            it.planned = planned.into_iter().map(|it| it.map(|it| it.clause)).collect();
             it.table = Rc::new(Facts::new(it.declared.arity.into(), cells));
             (it.clauses, it.facts, it.index) = (clauses, facts, index);
             it.is_plain = it.table.is_empty() && it.native.is_none() && !it.declared.tabled;
         }
         self.look_for_trees();
         refused
+    }
+
+    fn compile<'c>(
+        &mut self,
+        clauses: impl Iterator<Item = &'c Clause>,
+        refused: &mut Vec<Place>,
+    ) -> Vec<(Pc, Vec<Option<index::Key>>)> {
+        let mut code = Vec::new();
+        for clause in clauses {
+            match lower::lower(self, clause) {
+                Ok(lowered) => code.push((lowered.entry, lowered.keys)),
+                Err(lower::TooManyVariables) => refused.push(clause.place),
+            }
+        }
+        code
+    }
+
+    /// What has been put in the place of a call has to be put there again when it changes.
+    fn add_dependents(&self, changed: &mut Vec<PredId>) {
+        let mut at = 0;
+        while let Some(id) = changed.get(at).copied() {
+            at += 1;
+            let dependents = self.predicates.iter().enumerate().filter(|it| it.1.inlined.contains(&id));
+            let new: Vec<PredId> =
+                dependents.map(|it| PredId(it.0 as u32)).filter(|id| !changed.contains(id)).collect();
+            changed.extend(new);
+        }
     }
 
     /// Finds out which predicates may look at a tree.

@@ -98,6 +98,8 @@ pub enum RuleOp {
     Answer,
     /// A clause of the table in register 0 holds for the arguments in register 1.
     TableAnswer,
+    /// Counts in counter n.
+    Tick(u32),
     /// Nothing more here: go back to the newest choice.
     Fail,
 
@@ -179,6 +181,7 @@ impl RuleOp {
             | RuleOp::Proceed
             | RuleOp::Answer
             | RuleOp::Fail
+            | RuleOp::Tick(_)
             | RuleOp::Jump(_)
             | RuleOp::Try(..)
             | RuleOp::Entry(_)

@@ -142,6 +142,7 @@ impl<'a> Text<'a> {
 
     fn goal_of(&mut self, goal: &Goal) {
         match &goal.kind {
+            GoalKind::Tick(_) => {}
             GoalKind::True => self.put("(true)"),
             GoalKind::False => self.put("(false)"),
             GoalKind::Cut => self.put("(cut)"),

@@ -233,6 +233,12 @@ impl TreeView {
         self.columns().by_key.get(&key).map(|column| column.tasks.clone()).unwrap_or_default()
     }
 
+    /// How many different values tasks have under a key.
+    #[must_use]
+    pub fn distinct(&self, key: Symbol) -> usize {
+        self.columns().by_key.get(&key).map_or(0, |column| column.with.len())
+    }
+
     /// The tasks that have this value under a key.
     #[must_use]
     pub fn with(&self, key: Symbol, value: &Value) -> Rc<Vec<u32>> {

@@ -21,6 +21,7 @@ use std::cmp::{Ordering, Reverse};
 use std::collections::BinaryHeap;
 
 use crate::host::Request;
+use crate::log::Question;
 use crate::native::Raise;
 use crate::tree::{ROOT, RecId, SlotId, Why};
 use crate::value::Value;
@@ -80,8 +81,8 @@ pub(in crate::machine) struct Task {
     pub raise: Option<Raise>,
     /// Tells this wait from all others of the run.
     pub token: u64,
-    /// Facts that are in force in it.
-    pub facts: super::solve::Scoped,
+    /// Facts and trees that its queries see for a while.
+    pub scope: super::solve::Scoped,
     parked: Option<Box<Parked>>,
 }
 
@@ -154,10 +155,21 @@ pub(in crate::machine) struct Tasks {
     waits: u64,
     /// Numbers timers, so that those of one time fire in the order of their making.
     timers_made: u64,
-    asked: Vec<(TaskId, Request, usize)>,
+    /// What was asked of the outside in this round.
+    asked: Vec<Asked>,
     /// Emptied ones, whose memory serves again.
     #[expect(clippy::vec_box, reason = "a box moves from a task to here and to the next task")]
     spare: Vec<Box<Parked>>,
+}
+
+/// A question to the outside that waits for the end of the round.
+struct Asked {
+    task: TaskId,
+    request: Request,
+    /// The same for the log.
+    question: Question,
+    /// The position of the task's stack that takes the answer.
+    register: usize,
 }
 
 /// How many of these are kept.
@@ -338,7 +350,7 @@ impl Task {
             begins_with: None,
             raise: None,
             token: 0,
-            facts: None,
+            scope: None,
             parked: None,
         }
     }
@@ -354,8 +366,8 @@ impl Run {
         let depth = self.tasks.get(parent).depth + 1;
         let id = TaskId(self.tasks.all.len() as u32);
         let limit = self.cleanups.last().map_or(self.tasks.get(parent).limit, CleanUp::deadline);
-        let facts = self.tasks.get(parent).facts.clone();
-        self.tasks.all.push(Task { limit, facts, ..Task::new(slot, RecId(0), parent, ordinal, depth) });
+        let scope = self.tasks.get(parent).scope.clone();
+        self.tasks.all.push(Task { limit, scope, ..Task::new(slot, RecId(0), parent, ordinal, depth) });
         id
     }
 
@@ -491,6 +503,10 @@ impl Run {
     /// Asks a task to stop. It does so in its next turn, or when the clean-up is over that it is in.
     pub(in crate::machine) fn evaporate(&mut self, id: TaskId, why: Why) {
         let task = self.tasks.get_mut(id);
+        if why == Why::Emergency && task.evaporate.is_some() {
+            // It is on its way already, and owes nothing from now on.
+            task.evaporate = Some(why);
+        }
         if task.state == State::Ended || task.evaporate.is_some() {
             return;
         }
@@ -499,6 +515,13 @@ impl Run {
             self.tasks.make_ready(id);
         }
         self.release();
+    }
+
+    /// True if the loaded task is stopped in an emergency: it, or what it is part of.
+    pub(in crate::machine) fn is_emergency(&self) -> bool {
+        let up = |at: &TaskId| (*at != TaskId::ROOT).then(|| self.tasks.get(*at).parent);
+        let mut around = std::iter::successors(Some(self.tasks.loaded), up);
+        around.any(|at| self.tasks.get(at).evaporate == Some(Why::Emergency))
     }
 
     fn is_cleaning_up(&self, id: TaskId) -> bool {

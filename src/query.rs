@@ -1,0 +1,130 @@
+//! Queries from outside of a program: a goal, and its answers one after another.
+
+use std::path::Path;
+use std::rc::Rc;
+
+use compiler::{CompiledGoal, Report};
+use vm::machine::Query;
+use vm::print::{LIMIT, Printer};
+use vm::rules::view::TreeView;
+use vm::value::{Symbol, Value};
+
+use crate::session::Session;
+
+/// A goal that is being solved.
+pub struct Question {
+    goal: CompiledGoal,
+    query: Query,
+}
+
+/// An answer of a query.
+#[derive(Debug, Clone)]
+pub struct Answer {
+    /// The variables of the goal with their values, in the order of its text.
+    pub values: Vec<(Symbol, Value)>,
+    /// There is nothing more to try. Without this there may be another answer.
+    pub is_last: bool,
+}
+
+/// The answers of a query.
+pub struct Answers<'s> {
+    session: &'s mut Session,
+    question: Option<Question>,
+}
+
+impl Session {
+    /// The answers of a goal, found one after the other as they are asked for.
+    ///
+    /// The goal is one form or several, which all must hold. It sees the rules and facts of the user's
+    /// module and the tree of the last run. A failure is what a rule did wrong, or a limit: the fuel is
+    /// that of the runs of the session.
+    ///
+    /// ```
+    /// let mut session = pleach::Session::new(pleach::Options::default());
+    /// session.load_text("kitchen.plan", "(def-facts kitchen (on milk table) (on cup shelf) (on pot table))");
+    /// let mut found = Vec::new();
+    /// for answer in session.query("(on ?what table)").map_err(|_| "the goal has errors")? {
+    ///     let answer = answer.map_err(|failure| vm::print::write(&failure))?;
+    ///     found.push(answer.values[0].1.clone());
+    /// }
+    /// assert_eq!(found, [vm::Value::symbol("milk"), vm::Value::symbol("pot")]);
+    /// # Ok::<(), String>(())
+    /// ```
+    ///
+    /// # Errors
+    /// What is wrong with the goal; its text is called `goal` in reports.
+    pub fn query(&mut self, goal: &str) -> Result<Answers<'_>, Vec<Report>> {
+        let question = self.ask("goal", goal, None)?;
+        Ok(Answers { session: self, question: Some(question) })
+    }
+
+    /// The same over a tree that [`Session::read_tree`] has read.
+    ///
+    /// # Errors
+    /// What is wrong with the goal.
+    pub fn query_tree(&mut self, goal: &str, tree: Rc<TreeView>) -> Result<Answers<'_>, Vec<Report>> {
+        let question = self.ask("goal", goal, Some(tree))?;
+        Ok(Answers { session: self, question: Some(question) })
+    }
+
+    /// Opens a query whose answers [`Session::next_answer`] finds. `name` is what the text of the goal is
+    /// called; without a tree it sees that of the last run.
+    ///
+    /// # Errors
+    /// What is wrong with the goal.
+    pub fn ask(
+        &mut self,
+        name: &str,
+        goal: &str,
+        tree: Option<Rc<TreeView>>,
+    ) -> Result<Question, Vec<Report>> {
+        let file = self.files.add(name, goal);
+        let goal = self.front.compile_goal(&mut self.machine.program, self.module, file, goal)?;
+        let query = self.machine.open_query(goal.predicate, &[], tree);
+        Ok(Question { goal, query })
+    }
+
+    /// The next answer; nothing after the last.
+    ///
+    /// # Errors
+    /// A failure, after which there is no answer.
+    pub fn next_answer(&mut self, question: &mut Question) -> Result<Option<Answer>, Value> {
+        let Question { goal, query } = question;
+        // What rules call only computes: it prints nothing.
+        let found =
+            self.with_door(&mut String::new(), |machine, door| machine.next_answer_of(door, query))?;
+        Ok(found.map(|values| {
+            let values = goal.variables.iter().copied().zip(values.iter().cloned()).collect();
+            Answer { values, is_last: query.is_last() }
+        }))
+    }
+
+    /// Reads a tree that `pleach run --json` wrote.
+    ///
+    /// # Errors
+    /// A sentence that says why it is no such file, and where.
+    pub fn read_tree(&self, path: &Path) -> Result<Rc<TreeView>, String> {
+        let text = crate::files::read_large_text(path)?;
+        let tree = crate::import::tree(&text, &self.machine.program.failures);
+        tree.map(Rc::new)
+            .map_err(|why| format!("{} holds no tree of `pleach run --json`: {why}", path.display()))
+    }
+
+    /// The text of a value that reads back, with the names of functions.
+    #[must_use]
+    pub fn write(&self, value: &Value) -> String {
+        Printer::new(Some(&self.machine.program), true, LIMIT).text(value)
+    }
+}
+
+impl Iterator for Answers<'_> {
+    type Item = Result<Answer, Value>;
+
+    fn next(&mut self) -> Option<Result<Answer, Value>> {
+        let answer = self.session.next_answer(self.question.as_mut()?);
+        if !matches!(&answer, Ok(Some(answer)) if !answer.is_last) {
+            self.question = None;
+        }
+        answer.transpose()
+    }
+}
