@@ -24,10 +24,12 @@ impl Names {
         let predicates = visible.iter().filter_map(|name| Some(predicate_key(*name)?.0.to_string()));
         let goal_forms = compiler::goal_forms().iter().map(|(name, _)| (*name).to_string());
         let goals: BTreeSet<String> = predicates.chain(goal_forms).collect();
-        let others = visible.iter().filter(|name| predicate_key(**name).is_none()).map(|name| name.to_string());
+        let others =
+            visible.iter().filter(|name| predicate_key(**name).is_none()).map(|name| name.to_string());
         let forms = compiler::special_forms().iter().map(|(name, _)| (*name).to_string());
         let failures = session.machine.program.failures.iter().map(|it| it.name.to_string());
-        let all: BTreeSet<String> = others.chain(forms).chain(failures).chain(goals.iter().cloned()).collect();
+        let all: BTreeSet<String> =
+            others.chain(forms).chain(failures).chain(goals.iter().cloned()).collect();
         Names { all: all.into_iter().collect(), goals: goals.into_iter().collect() }
     }
 }

@@ -181,9 +181,9 @@ impl<'p> Oracle<'p> {
             Ok(Next::EditTree { tree, edits }) => self.edit_tree(here, &tree, &edits),
             Ok(Next::Sleep(_) | Next::Task(_)) => Err(Exit::GiveUp("the oracle does not wait".into())),
             Ok(Next::Ask(_)) => Err(Exit::GiveUp("the oracle has no world to ask".into())),
-            Ok(Next::Query { .. } | Next::Part(..) | Next::PushFacts(_) | Next::PushTree(_) | Next::PopScope) => {
-                Err(Exit::GiveUp("the oracle has no rules".into()))
-            }
+            Ok(
+                Next::Query { .. } | Next::Part(..) | Next::PushFacts(_) | Next::PushTree(_) | Next::PopScope,
+            ) => Err(Exit::GiveUp("the oracle has no rules".into())),
         }
     }
 
