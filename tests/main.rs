@@ -2,7 +2,7 @@
 //!
 //! [`run`] runs the programs under `run/`, each also under the [`treatments`]; [`diagnostics`]
 //! the mistakes under `diagnostics/`; [`docs`] all programs in documents and docstrings;
-//! [`clauses`] prints rules as the machine gets them; [`written`] reads back random values; [`limits`] what needs a program too large to be written; [`arrows`] reads the manifests.
+//! [`clauses`] prints rules as the machine gets them; [`written`] reads back random values, [`saved`] trees of runs; [`limits`] what needs a program too large to be written; [`arrows`] reads the manifests.
 //! Only [`program`] knows how a program is loaded and run.
 //!
 //! `UPDATE_EXPECT=1` writes what came out over what was expected: read the difference.
@@ -23,5 +23,6 @@ mod oracle;
 mod program;
 mod repl;
 mod run;
+mod saved;
 mod treatments;
 mod written;
