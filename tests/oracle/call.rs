@@ -535,12 +535,13 @@ impl<'p> Oracle<'p> {
         };
         if answer.is_nil() {
             let message = format!("no rule says which plan performs {}", vm::print::brief(desc));
-            let fields = vec![("message", Value::str(message)), ("action", desc.clone())];
+            let fields =
+                vec![("message", Value::str(message)), ("action", desc.clone()), ("nearest", Value::NIL)];
             return self.raise(here, Box::new(Failure::with(Builtin::ActionNotGrounded, fields)));
         }
         let parts = answer.to_vec().unwrap_or_default();
         let [plan, args @ ..] = parts.as_slice() else {
-            return self.raise(here, type_error("a list of a plan and its arguments from `ground`", &answer));
+            return self.raise(here, type_error("a list of a plan and its arguments as what an action is grounded to", &answer));
         };
         self.run.tree.records[here.rec].grounded = Some(answer.clone());
         self.ready(here, plan, args.to_vec())

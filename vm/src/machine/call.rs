@@ -435,7 +435,11 @@ impl Machine {
             }
             Next::Sleep(ns) => self.sleep(d, ns),
             Next::Task(op) => self.task_op(host, d, op),
-            Next::Query { predicate, inputs, ask } => self.ask(host, d, predicate, &inputs, ask),
+            Next::Query { predicate, inputs, ask } => self.ask(d, predicate, &inputs, ask),
+            Next::Explain(stream, holds) => {
+                let text = self.explain(host, &stream, holds)?;
+                self.put(d, text)
+            }
             Next::Part(stream, part) => self.stream_part(d, &stream, part),
             Next::PushFacts(facts) => {
                 self.push_facts(&facts)?;

@@ -122,6 +122,8 @@ pub struct Engine {
     /// The goals that are open, for explanations.
     pub(super) trace: Option<Box<super::why::Trace>>,
     started: bool,
+    /// How many arguments of the query are given.
+    inputs: usize,
 }
 
 /// Registers that one clause can name.
@@ -167,6 +169,7 @@ impl Engine {
             ticks: Vec::new(),
             trace: None,
             started: false,
+            inputs: inputs.len(),
         };
         engine.result = predicate.0;
         engine
@@ -233,6 +236,14 @@ impl Engine {
     #[must_use]
     pub fn is_last(&self) -> bool {
         self.choices.is_empty()
+    }
+
+    /// What is asked, if it has not begun: the predicate and its inputs.
+    #[must_use]
+    pub fn asked(&self) -> Option<(PredId, Vec<Value>)> {
+        let inputs = self.stack[..self.inputs].iter();
+        let inputs = inputs.map(|cell| self.store.export(*cell, &self.view).unwrap_or_default()).collect();
+        (!self.started).then_some((PredId(self.result), inputs))
     }
 
     /// The instruction after the one that it does.

@@ -120,10 +120,6 @@ pub enum Ask {
     All,
     /// `(query goal)`: a stream.
     Stream,
-    /// `(why goal)`: the proof of the first answer as text, nil without one.
-    Why,
-    /// `(why-not goal)`: what does not hold, as text; nil if there is an answer.
-    WhyNot,
 }
 
 /// What a query sees besides rules: all as it was when the query was opened.
