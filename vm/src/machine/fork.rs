@@ -343,8 +343,8 @@ impl Machine {
 
     /// A branch has ended: its form hears of it, and has a turn if that may decide something.
     pub(super) fn branch_ended(&mut self, id: TaskId, outcome: Outcome) {
-        let round = self.round;
         let run = self.top();
+        let round = run.tasks.rounds;
         let task = run.tasks.get(id);
         let (parent, ordinal, stopped) = (task.parent, task.ordinal as usize, task.evaporate.is_some());
         let record = run.tree.record(task.rec);

@@ -136,6 +136,8 @@ pub(in crate::machine) struct Tasks {
     pub running: bool,
     /// Fuel used in this turn.
     pub in_turn: u64,
+    /// Rounds of this run: those of a run inside of it are none of its own.
+    pub rounds: u64,
     /// Who has a turn in this round, last first.
     round: Vec<TaskId>,
     /// Who has one in the next.
@@ -191,6 +193,7 @@ impl Tasks {
             loaded: TaskId::ROOT,
             running: true,
             in_turn: 0,
+            rounds: 0,
             round: Vec::new(),
             ready: Vec::new(),
             held: Vec::new(),

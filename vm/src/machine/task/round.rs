@@ -175,6 +175,7 @@ impl Machine {
     fn end_round(&mut self, host: &mut dyn Host) -> Option<Outcome> {
         self.round += 1;
         let run = self.top();
+        run.tasks.rounds += 1;
         let busy = std::mem::take(&mut run.tasks.busy);
         let next = run.tasks.next_timer();
         if busy {
@@ -188,6 +189,7 @@ impl Machine {
                     if !self.log.is_replaying() && !host.pass(at.saturating_sub(now)) {
                         // The round has not ended: it does so when the run goes on.
                         self.round -= 1;
+                        self.top().tasks.rounds -= 1;
                         self.halted = true;
                         return None;
                     }
