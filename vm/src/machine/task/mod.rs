@@ -461,6 +461,16 @@ impl Run {
         }
     }
 
+    /// The record whose code a task does.
+    pub(in crate::machine) fn stands_in(&self, task: &Task) -> RecId {
+        match &task.parked {
+            // A branch with edits that has not begun.
+            Some(_) if task.begins_with.is_some() => task.rec,
+            Some(parked) => self.record(parked.here),
+            None => self.record(self.here),
+        }
+    }
+
     /// The registers of a task from a position of its stack on.
     pub(in crate::machine) fn registers_of(&self, id: TaskId, from: usize) -> &[Value] {
         match &self.tasks.get(id).parked {
