@@ -52,6 +52,8 @@ impl Machine {
                 continue;
             }
             self.load(id);
+            // What the end of another turn led to is no part of this one.
+            self.steps += std::mem::take(&mut self.beside);
             let tasks = &mut self.top().tasks;
             (tasks.running, tasks.in_turn) = (true, 0);
             return self.begin_turn(host);
