@@ -249,6 +249,11 @@ impl Tasks {
         task.is_some_and(|task| task.token == token && matches!(task.state, State::Waiting(_)))
     }
 
+    /// Who has a turn in the next round.
+    pub(in crate::machine) fn ready_tasks(&self) -> Vec<TaskId> {
+        self.ready.clone()
+    }
+
     /// About how much memory they take.
     pub(in crate::machine) fn bytes(&self) -> usize {
         const REGISTERS: usize = 16;
@@ -458,6 +463,14 @@ impl Run {
         match &self.tasks.get(id).parked {
             Some(parked) => (&parked.frames, &parked.drivers),
             None => (&self.frames, &self.drivers),
+        }
+    }
+
+    /// The clean-ups that a task is in.
+    pub(in crate::machine) fn cleanups_of(&mut self, id: TaskId) -> &mut [CleanUp] {
+        match &mut self.tasks.get_mut(id).parked {
+            Some(parked) => &mut parked.cleanups,
+            None => &mut self.cleanups,
         }
     }
 

@@ -99,6 +99,7 @@ impl Machine {
 
     /// The loaded task has used up its quantum.
     pub(in crate::machine) fn use_up_turn(&mut self) {
+        self.forget_left_cleanups();
         let tasks = &mut self.top().tasks;
         (tasks.running, tasks.busy) = (false, true);
         let id = tasks.loaded;
@@ -158,6 +159,7 @@ impl Machine {
 
     /// The loaded task waits. In a clean-up it does so for a limited time.
     pub(in crate::machine) fn has_begun_to_wait(&mut self) {
+        self.forget_left_cleanups();
         let run = self.top();
         let id = run.tasks.loaded;
         let task = run.tasks.get(id);
@@ -206,9 +208,10 @@ impl Machine {
         if let Err(differs) = self.answer_all(host) {
             return self.interrupt(host, Box::new(Failure::new(Builtin::ProgramError, differs)));
         }
-        let full = self.check_memory_again(busy);
-        let checked = if busy { full.and_then(|()| self.check_cleanups()) } else { full };
-        if let Err(raise) = checked {
+        if busy {
+            self.top().check_cleanups();
+        }
+        if let Err(raise) = self.check_memory_again(busy) {
             let outcome = self.interrupt(host, raise);
             if outcome.is_some() {
                 return outcome;
