@@ -53,12 +53,18 @@ impl Machine {
                     Ok(Some(exit)) => return exit,
                     Err(raise) => raise,
                 },
-                hot::Out::Slow(op) => match self.slow(host, op, left) {
-                    Ok(None) if self.broke.is_some() => return Exit::Began,
-                    Ok(None) => continue,
-                    Ok(Some(exit)) => return exit,
-                    Err(raise) => raise,
-                },
+                hot::Out::Slow(op) => {
+                    let done = self.slow(host, op, left);
+                    if self.beside > 0 {
+                        self.count_beside(left);
+                    }
+                    match done {
+                        Ok(None) if self.broke.is_some() => return Exit::Began,
+                        Ok(None) => continue,
+                        Ok(Some(exit)) => return exit,
+                        Err(raise) => raise,
+                    }
+                }
                 hot::Out::Done(value) => return Exit::Done(value),
                 hot::Out::Fuel => return Exit::Fuel,
                 hot::Out::Raise(raise) => raise,
