@@ -506,6 +506,38 @@ impl Engine {
                         }
                         continue 'window;
                     }
+                    RuleOp::CallNative(window, predicate) => {
+                        if *fuel == 0 {
+                            self.pc = pc as u32 - 1;
+                            return Ok(Out::Step(Step::Fuel));
+                        }
+                        *fuel -= 1;
+                        let it = &rules.predicates[predicate.at()];
+                        let arity = it.declared.arity;
+                        let args = &w[window as usize..][..usize::from(arity)];
+                        self.pc = pc as u32;
+                        if let (Some(native), None) = (it.native, &self.trace) {
+                            let mut call = Call::new(program, store, args, &self.view);
+                            match native(&mut call)? {
+                                Found::Yes => continue,
+                                Found::No => return Ok(Out::Back),
+                                Found::Many(alternatives) => {
+                                    self.frame_for_goal(base as u32, window, arity.into());
+                                    let more = Alternative::Native(alternatives);
+                                    self.push_choice(self.base.max(self.top), arity, more);
+                                }
+                            }
+                            return Ok(Out::Back);
+                        }
+                        self.frame_for_goal(base as u32, window, arity.into());
+                        if let Some(trace) = &mut self.trace {
+                            trace.begin(self.frame);
+                        }
+                        if !self.call_predicate(program, predicate, self.base)? {
+                            return Ok(Out::Back);
+                        }
+                        continue 'window;
+                    }
                     RuleOp::Execute(window, predicate) => {
                         if *fuel == 0 {
                             self.pc = pc as u32 - 1;
@@ -651,6 +683,19 @@ impl Engine {
                 }
             }
         }
+    }
+
+    /// A frame for what comes after a goal whose arguments are in the registers from `window`: they are
+    /// the first above it.
+    fn frame_for_goal(&mut self, base: u32, window: u8, arity: usize) {
+        let pc = self.pc;
+        self.push_frame(pc, base);
+        let from = base + u32::from(window);
+        let above = from.max(self.top);
+        if above != from {
+            self.move_args(from as usize, above as usize, arity);
+        }
+        self.base = above;
     }
 
     fn move_args(&mut self, from: usize, to: usize, n: usize) {

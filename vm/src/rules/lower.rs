@@ -356,7 +356,7 @@ impl Lowering<'_> {
                     Ok(())
                 }
             },
-            GoalKind::Call(predicate, args) => {
+            GoalKind::Call(predicate, args) if !self.rules.is_native(*predicate) => {
                 let saved = self.next;
                 if self.can_stay(args) {
                     for (at, term) in args.iter().enumerate() {
@@ -563,7 +563,13 @@ impl Lowering<'_> {
             }
             GoalKind::Call(predicate, args) => {
                 let window = self.window(args)?;
-                self.emit_at(RuleOp::Call(window, *predicate), goal);
+                self.emit_at(
+                    match self.rules.is_native(*predicate) {
+                        true => RuleOp::CallNative(window, *predicate),
+                        false => RuleOp::Call(window, *predicate),
+                    },
+                    goal,
+                );
             }
             GoalKind::CallValue(callee, args) => {
                 let all: Vec<Term> = std::iter::once(callee.clone()).chain(args.iter().cloned()).collect();

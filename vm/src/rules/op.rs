@@ -84,7 +84,9 @@ pub enum RuleOp {
     // Goals.
     /// Solve predicate p, its arguments in the registers from w.
     Call(u8, PredId),
-    /// The same as the last goal of the clause: its arguments are in the registers from w.
+    /// Solve a predicate that is written in Rust, its arguments in the registers from w.
+    CallNative(u8, PredId),
+    /// Solve it as the last goal of the clause: its arguments are in the registers from w.
     Execute(u8, PredId),
     /// The same where the arguments are in the first registers already.
     ExecuteHere(PredId),
@@ -170,7 +172,9 @@ impl RuleOp {
             | RuleOp::Div(_, a, b)
             | RuleOp::Add1(a, b) => range_of(&[a, b], visit),
             RuleOp::PutStruct(_, s, t) => range(s, values(t)),
-            RuleOp::Call(w, predicate) | RuleOp::Execute(w, predicate) => range(w, arity(predicate)),
+            RuleOp::Call(w, predicate) | RuleOp::CallNative(w, predicate) | RuleOp::Execute(w, predicate) => {
+                range(w, arity(predicate));
+            }
             RuleOp::ExecuteHere(predicate) => range(0, arity(predicate)),
             RuleOp::CallValue(w, n) => range(w, n + 1),
             RuleOp::CallFun(_, w, n, _) => range(w, n),
