@@ -473,7 +473,7 @@ impl Engine {
                         };
                     }
 
-                    RuleOp::Call(window, predicate) => {
+                    RuleOp::Call(window, n, predicate) => {
                         if *fuel == 0 {
                             self.pc = pc as u32 - 1;
                             return Ok(Out::Step(Step::Fuel));
@@ -484,12 +484,10 @@ impl Engine {
                         self.frames.truncate(at as usize);
                         self.frames.push(Frame { parent: self.frame, pc: pc as u32, base: base as u32 });
                         self.frame = at;
-                        let above = (base as u32 + u32::from(window)).max(self.top);
+                        let above = (base as u32 + u32::from(n)).max(self.top);
                         let p = &rules.predicates[predicate.at()];
                         let plain = p.is_plain && self.view.scoped.is_empty() && self.trace.is_none();
-                        if above as usize != base + window as usize {
-                            self.move_args(base + window as usize, above as usize, p.declared.arity.into());
-                        }
+                        self.move_args(base + window as usize, above as usize, p.declared.arity.into());
                         self.base = above;
                         self.pc = pc as u32;
                         if plain {
@@ -572,14 +570,14 @@ impl Engine {
                         }
                         continue 'window;
                     }
-                    RuleOp::CallValue(window, n) => {
+                    RuleOp::CallValue(window, n, most) => {
                         if *fuel == 0 {
                             self.pc = pc as u32 - 1;
                             return Ok(Out::Step(Step::Fuel));
                         }
                         *fuel -= 1;
                         self.pc = pc as u32;
-                        if !self.call_value(program, window, n)? {
+                        if !self.call_value(program, window, n, most)? {
                             return Ok(Out::Back);
                         }
                         continue 'window;
@@ -698,6 +696,7 @@ impl Engine {
         self.base = above;
     }
 
+    #[inline(always)]
     fn move_args(&mut self, from: usize, to: usize, n: usize) {
         if self.stack.len() < to + WINDOW {
             let len = (self.stack.len() * 2).max(to + WINDOW);
@@ -826,7 +825,7 @@ impl Engine {
     }
 
     /// `(call goal more…)`: finds the predicate of the goal and puts its arguments in place.
-    fn call_value(&mut self, program: &Program, window: u8, n: u8) -> Result<bool, Raise> {
+    fn call_value(&mut self, program: &Program, window: u8, n: u8, most: u8) -> Result<bool, Raise> {
         let at = self.base as usize + window as usize;
         let mut args = Vec::new();
         let goal = self.store.open(self.stack[at]);
@@ -861,7 +860,7 @@ impl Engine {
             let message = format!("there is no predicate `{name}` of {} arguments", args.len());
             return Err(Box::new(Failure::new(Builtin::ProgramError, message)));
         };
-        let above = (at as u32).max(self.top);
+        let above = (self.base + u32::from(most)).max(self.top);
         self.move_args(at, above as usize, 0);
         self.stack[above as usize..][..args.len()].copy_from_slice(&args);
         let frame = (self.frame + 1).max(self.frames_top);

@@ -49,8 +49,8 @@ struct Lowering<'a> {
     next: u8,
     /// The most registers so far.
     most: u8,
-    /// Positions of [`RuleOp::Try`] to be told how many registers there are.
-    tries: Vec<usize>,
+    /// Positions of instructions that have to know how many registers the clause uses.
+    sized: Vec<usize>,
     /// Holds the number of choices at the call, if the clause cuts.
     entry: Option<u8>,
 }
@@ -83,11 +83,11 @@ pub fn lower(rules: &mut Rules, clause: &Clause) -> Result<Lowered, TooManyVaria
     let next = u8::try_from(next).map_err(|_| TooManyVariables)?;
     let known = vec![false; clause.vars.len()];
     let mut it =
-        Lowering { rules, clause, registers, known, next, most: next, tries: Vec::new(), entry: None };
+        Lowering { rules, clause, registers, known, next, most: next, sized: Vec::new(), entry: None };
     it.clause()?;
     let most = it.most;
-    for at in std::mem::take(&mut it.tries) {
-        if let RuleOp::Try(n, _) = &mut rules.code[at] {
+    for at in std::mem::take(&mut it.sized) {
+        if let RuleOp::Try(n, _) | RuleOp::Call(_, n, _) | RuleOp::CallValue(_, _, n) = &mut rules.code[at] {
             *n = most;
         }
     }
@@ -432,7 +432,7 @@ impl Lowering<'_> {
     /// A choice whose alternative is not known yet.
     fn try_else(&mut self) -> usize {
         let at = self.emit(RuleOp::Try(0, Pc(0)));
-        self.tries.push(at);
+        self.sized.push(at);
         at
     }
 
@@ -563,18 +563,20 @@ impl Lowering<'_> {
             }
             GoalKind::Call(predicate, args) => {
                 let window = self.window(args)?;
-                self.emit_at(
+                let at = self.emit_at(
                     match self.rules.is_native(*predicate) {
                         true => RuleOp::CallNative(window, *predicate),
-                        false => RuleOp::Call(window, *predicate),
+                        false => RuleOp::Call(window, 0, *predicate),
                     },
                     goal,
                 );
+                self.sized.push(at);
             }
             GoalKind::CallValue(callee, args) => {
                 let all: Vec<Term> = std::iter::once(callee.clone()).chain(args.iter().cloned()).collect();
                 let window = self.window(&all)?;
-                self.emit_at(RuleOp::CallValue(window, args.len() as u8), goal);
+                let at = self.emit_at(RuleOp::CallValue(window, args.len() as u8, 0), goal);
+                self.sized.push(at);
             }
             GoalKind::Unify(a, b) => self.unify(a, b)?,
             GoalKind::Matches(a, b) => {
