@@ -178,7 +178,7 @@ impl<'p> Oracle<'_, 'p> {
             Ok(Next::Task(op)) => self.task_op(here, op),
             Ok(Next::Ask(_)) => Err(Exit::GiveUp("the oracle has no world to ask".into())),
             Ok(
-                Next::Query { .. } | Next::Part(..) | Next::PushFacts(_) | Next::PushTree(_) | Next::PopScope,
+                Next::Query { .. } | Next::Explain(..) | Next::Part(..) | Next::PushFacts(_) | Next::PushTree(_) | Next::PopScope,
             ) => Err(Exit::GiveUp("the oracle has no rules".into())),
         }
     }
