@@ -22,6 +22,7 @@ mod limits;
 mod oracle;
 mod program;
 mod repl;
+mod rules;
 mod run;
 mod saved;
 mod treatments;

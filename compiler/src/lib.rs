@@ -410,6 +410,10 @@ impl Front {
         let mut reports = compiler.reports;
         reports.sort_by_key(|report| (report.span().file, report.span().start, report.span().end));
         if reports.len() > MOST_REPORTS && !reports.iter().all(Report::is_warning) {
+            // Warnings must not hide the errors.
+            reports.retain(|report| !report.is_warning());
+        }
+        if reports.len() > MOST_REPORTS && !reports.iter().all(Report::is_warning) {
             let (more, at) = (reports.len() - MOST_REPORTS, reports[MOST_REPORTS - 1].span());
             reports.truncate(MOST_REPORTS);
             reports.push(Report::Parse(ParseError::TooMany { more, at }));

@@ -168,7 +168,8 @@ impl<'a> Flow<'a> {
     }
 
     fn negation(&mut self, goal: &mut Goal, open: &mut Vec<VarNo>, at: Place, state: &State) {
-        let mut vars = in_goal(goal);
+        // To look whether two terms are the same needs no values.
+        let mut vars = if let GoalKind::Identical(..) = goal.kind { Vec::new() } else { in_goal(goal) };
         vars.retain(|var| self.around[*var as usize] > 0 && !state.sure[*var as usize]);
         self.needs("not", &vars, at, state);
         *open = vars;

@@ -279,10 +279,7 @@ impl Translator {
                 let truth = || call("true", Vec::new(), at);
                 call("->", vec![self.goal(goal), truth(), truth()], at)
             }
-            ("nonvar", [value]) => {
-                let test = call("var?", vec![self.data(value)], at);
-                call("not", vec![test], at)
-            }
+            ("nonvar", [value]) => call("bound?", vec![self.data(value)], at),
             ("memberchk", [_, _]) if !defined => {
                 let member = call("member", self.all_data(arguments), at);
                 call("once", vec![member], at)

@@ -77,13 +77,23 @@ fn list(store: &mut Store, items: &[Value], open: bool) -> Result<Cell, TooLarge
 pub(super) struct Groups {
     groups: Vec<(Value, Vec<Value>)>,
     next: usize,
+    /// What takes the common part. The register that it came in may hold something else by then.
+    pub key: Cell,
     /// Where the clause goes on.
-    pub pc: Option<u32>,
+    pub pc: u32,
 }
 
 impl Groups {
-    /// `all` is a list of pairs of what answers have in common and their instances.
-    pub fn new(store: &Store, all: Cell, set: bool, outside: &dyn Outside) -> Result<Groups, TooLarge> {
+    /// `all` is a list of pairs of what answers have in common, which is unified with `key`, and their
+    /// instances.
+    pub fn new(
+        store: &Store,
+        key: Cell,
+        all: Cell,
+        set: bool,
+        pc: u32,
+        outside: &dyn Outside,
+    ) -> Result<Groups, TooLarge> {
         let all = store.export(all, outside)?;
         let mut pairs: Vec<(Value, Value)> =
             all.iter().filter_map(|it| it.as_pair().map(|(key, item)| (key.clone(), item.clone()))).collect();
@@ -101,16 +111,16 @@ impl Groups {
                 items.dedup();
             }
         }
-        Ok(Groups { groups, next: 0, pc: None })
+        Ok(Groups { groups, next: 0, key, pc })
     }
 
-    /// The instances of the next group whose common part is `key`, and whether there are more groups.
-    pub fn next(&mut self, store: &mut Store, key: Cell) -> Result<Option<(Cell, bool)>, TooLarge> {
+    /// The instances of the next group whose common part fits, and whether there are more groups.
+    pub fn next(&mut self, store: &mut Store) -> Result<Option<(Cell, bool)>, TooLarge> {
         while let Some((common, items)) = self.groups.get(self.next) {
             self.next += 1;
             let mark = store.mark();
             let common = store.import_open(common, &mut Vec::new())?;
-            if store.unify(key, common)? {
+            if store.unify(self.key, common)? {
                 let items = list(store, items, true)?;
                 return Ok(Some((items, self.next < self.groups.len())));
             }

@@ -404,7 +404,10 @@ impl Engine {
                             Cell::Ref(var) => {
                                 // What goes into the cell must not have the variable in it.
                                 for part in [first, rest] {
-                                    if let Part::Same(r) = part {
+                                    // In `(?x . ?x)` the second one is what the first will be.
+                                    if let Part::Same(r) = part
+                                        && first != Part::First(r)
+                                    {
                                         let inside = store.deref(at!(r));
                                         if matches!(inside, Cell::Ref(it) if it == var)
                                             || store.occurs(var, inside).map_err(too_large)?
@@ -681,7 +684,8 @@ impl Engine {
                     RuleOp::Groups(window, set) => {
                         self.pc = pc as u32;
                         let groups =
-                            Groups::new(store, at!(window + 1), set, &self.view).map_err(too_large)?;
+                            Groups::new(store, at!(window), at!(window + 1), set, pc as u32, &self.view)
+                                .map_err(too_large)?;
                         self.push_choice(
                             (base as u32 + WINDOW as u32).max(self.top),
                             0,
@@ -1010,9 +1014,8 @@ impl Engine {
                 }
                 Alternative::Groups(window, groups) => {
                     let at = self.base as usize + usize::from(*window);
-                    let pc = groups.pc.get_or_insert(self.pc);
-                    self.pc = *pc;
-                    match groups.next(&mut self.store, self.stack[at]).map_err(too_large)? {
+                    self.pc = groups.pc;
+                    match groups.next(&mut self.store).map_err(too_large)? {
                         Some((instances, more)) => {
                             self.stack[at + 2] = instances;
                             if !more {

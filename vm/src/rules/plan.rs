@@ -271,7 +271,7 @@ impl<'a> Order<'a> {
                 },
                 GoalKind::Not(inner, shared) => {
                     let pure = conjuncts(inner).iter().all(|goal| is_movable_kind(goal) && is_total(rules, goal));
-                    match pure && shared.iter().all(|var| bound.has(*var)) {
+                    match pure && bound.has_needed(goal) && shared.iter().all(|var| bound.has(*var)) {
                         true => Role::Test,
                         false => Role::Stays,
                     }
@@ -425,6 +425,7 @@ impl Bound {
     /// True if what a test needs has values: all variables, for a negation those that it shares.
     fn has_needed(&self, goal: &Goal) -> bool {
         match &goal.kind {
+            GoalKind::Not(inner, _) if matches!(inner.kind, GoalKind::Identical(..)) => self.has_all(goal),
             GoalKind::Not(_, shared) => shared.iter().all(|var| self.has(*var)),
             _ => self.has_all(goal),
         }

@@ -345,10 +345,8 @@ fn task(program: &Program, tree: &Tree, slot: SlotId, rec: RecId, parent: u32, a
     let record = tree.record(rec);
     let extra = tree.extra(rec);
     let params = crate::show::params(program, tree, rec);
-    let written = extra.and_then(|it| it.written.as_ref()).map(|args| {
-        let names = params.iter().map(|param| param.0).collect::<Vec<_>>();
-        properties(record.kind, names.into_iter().zip(args.iter().cloned()).collect())
-    });
+    let written = crate::show::written_params(program, tree, rec);
+    let written = written.map(|params| properties(record.kind, params));
     let edits: Vec<Value> = tree
         .edits_of(slot)
         .iter()
