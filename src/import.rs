@@ -44,7 +44,7 @@ pub fn tree(text: &str, failures: &FailureTypes) -> Result<TreeView, String> {
         tasks.push(task);
     }
     match tasks.is_empty() {
-        true => Err(format!("`{name}` is empty: a tree has a root")),
+        true => Err("the list of tasks is empty: a tree has a root".into()),
         false => Ok(TreeView::new(tasks)),
     }
 }

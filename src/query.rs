@@ -99,15 +99,21 @@ impl Session {
         }))
     }
 
-    /// Reads a tree that `pleach run --json` wrote.
+    /// Reads a file that `pleach run --json` wrote: the tree in it, for [`Session::query_tree`].
     ///
     /// # Errors
     /// A sentence that says why it is no such file, and where.
     pub fn read_tree(&self, path: &Path) -> Result<Rc<TreeView>, String> {
-        let text = crate::files::read_large_text(path)?;
-        let tree = crate::import::tree(&text, &self.machine.program.failures);
-        tree.map(Rc::new)
-            .map_err(|why| format!("{} holds no tree of `pleach run --json`: {why}", path.display()))
+        let tree = self.tree_of_json(&crate::files::read_large_text(path)?);
+        tree.map_err(|why| format!("{} holds no tree of `pleach run --json`: {why}", path.display()))
+    }
+
+    /// The same for the text of such a file.
+    ///
+    /// # Errors
+    /// A sentence that says what is wrong with it, and where.
+    pub fn tree_of_json(&self, text: &str) -> Result<Rc<TreeView>, String> {
+        crate::import::tree(text, &self.machine.program.failures).map(Rc::new)
     }
 
     /// The text of a value that reads back, with the names of functions.

@@ -98,9 +98,8 @@ impl Reader {
                     "path" => value(path(args)?),
                     _ => {
                         let (values, computed) = self.expressions(args)?;
-                        let is_collection = matches!(head.as_str(), "list" | "list*");
                         // A list of plain data has a quoted form, and would have been written as that.
-                        let computed = computed || !is_collection;
+                        let computed = computed || head != "list";
                         Some(Read { value: self.make(&head, &values)?, computed })
                     }
                 }

@@ -202,8 +202,7 @@ fn open_predicates_and_facts() {
     check(
         "(def-rules first (<- (p 1)) (<- (p 2) :priority -1))
          (def-open p 1 \"Clauses from many places.\")
-         (def-facts second (p 3) (q (an object (type milk)) [1 2]))
-         (def-rules heads (<- (action-grounding (an action (type ?t)) (plan ?t))))",
+         (def-facts second (p 3) (q (an object (type milk)) [1 2]))",
         expect![[r#"
             p/1 Rules
               (<- (p 1))
@@ -211,8 +210,6 @@ fn open_predicates_and_facts() {
               (<- (p 2) :priority -1)
             q/2 Facts
               (q (an object (type milk)) [1 2])
-            action-grounding/2 Rules
-              (<- (action-grounding (an action (type ?t)) (plan ?t)))
         "#]],
     );
 }

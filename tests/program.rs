@@ -130,6 +130,14 @@ impl Program {
         ran(&session, ended, printed, diagnostics, steps)
     }
 
+    /// A session in which the program has run, unless it has errors.
+    pub fn session(&self) -> Session {
+        let mut session = Session::new(self.options.clone());
+        let loaded = session.load_file(&self.path).unwrap_or_else(|why| panic!("{why}"));
+        session.run(loaded, None, &mut String::new());
+        session
+    }
+
     /// Runs the program for so many units of fuel and no further. The log of what came from outside.
     pub fn log_until(&self, stop: u64) -> Log {
         let mut session = Session::new(self.options.clone());

@@ -663,6 +663,17 @@ pub enum CompileError {
         at: Span,
     },
 
+    /// A clause that needs more room than there is.
+    #[error("the clause needs more than {limit} variables and intermediate values at once")]
+    #[diagnostic(code(limit::clause), help("move some of its goals into a rule of their own"))]
+    ClauseTooLarge {
+        /// The limit.
+        limit: usize,
+        /// The clause.
+        #[label("no room for this")]
+        at: Span,
+    },
+
     /// Forms nested too deep, after expansion.
     #[error("forms are nested more than {limit} deep")]
     #[diagnostic(code(limit::nesting), help("move the inner part into a function of its own"))]
@@ -725,6 +736,7 @@ impl CompileError {
             | E::ModuleCycle { at, .. }
             | E::NoSuchNative { at, .. }
             | E::TooManyRegisters { at, .. }
+            | E::ClauseTooLarge { at, .. }
             | E::TooDeep { at, .. } => *at,
         }
     }

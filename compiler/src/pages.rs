@@ -51,6 +51,7 @@ pub const PAGES: &[(&str, &str)] = &[
     ("module::cycle", include_str!("../errors/module-cycle.md")),
     ("module::native", include_str!("../errors/module-native.md")),
     ("limit::registers", include_str!("../errors/limit-registers.md")),
+    ("limit::clause", include_str!("../errors/limit-clause.md")),
     ("limit::nesting", include_str!("../errors/limit-nesting.md")),
 ];
 

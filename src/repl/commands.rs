@@ -13,6 +13,8 @@ pub const COMMANDS: &[(&str, &str, &str)] = &[
     (":help", "", "this list"),
     (":doc", "NAME", "what a name means"),
     (":type", "FORM", "what kind of value a form gives, and what is in it"),
+    ("?-", "GOAL", "what makes a goal of rules hold; `;` on the next line gives the next answer"),
+    (":more", "", "the next answer of the last goal, as `;` does"),
     (":tree", "[all]", "the tasks of this session, and what became of them"),
     (":load", "FILE", "define what a file defines, again if need be"),
     (":code", "NAME", "the instructions of a function or plan"),
@@ -59,8 +61,12 @@ pub fn run(prompt: &mut Prompt, line: &str) -> After {
         term::say(&format!("error: {word} needs something: {word} {wants}\n"));
         return After::GoOn;
     }
+    if word != ":more" {
+        prompt.asked = super::query::Asked::Nothing;
+    }
     match word {
         ":help" => term::say(&help()),
+        ":more" => prompt.more(),
         ":doc" => document(prompt, argument),
         ":type" => describe(prompt, argument),
         ":tree" => {

@@ -11,8 +11,8 @@ natives! {
     "%ask" [1 ..] in ctx => |_ctx, args| query(args, Ask::Whether);
     "%answers" [1 ..] in ctx => |_ctx, args| query(args, Ask::All);
     "%query" [1 ..] in ctx => |_ctx, args| query(args, Ask::Stream);
-    "%why" [1 ..] in ctx => |_ctx, args| query(args, Ask::Why);
-    "%why-not" [1 ..] in ctx => |_ctx, args| query(args, Ask::WhyNot);
+    "%explain" [1] in ctx => |_ctx, args| Ok(Next::Explain(args[0].clone(), true));
+    "%explain-not" [1] in ctx => |_ctx, args| Ok(Next::Explain(args[0].clone(), false));
     "%push-facts" [1] in ctx => |_ctx, args| Ok(Next::PushFacts(args[0].clone()));
     "%pop-scope" [0] in ctx => |_ctx, _args| Ok(Next::PopScope);
     "%push-tree" [1] in ctx => |_ctx, args| Ok(Next::PushTree(args[0].clone()));

@@ -81,6 +81,8 @@ pub enum Next {
         /// What is asked for.
         ask: crate::rules::Ask,
     },
+    /// Why the query of a stream has an answer, or why it has none, as text; nil if that is not so.
+    Explain(Value, bool),
     /// A part of a stream of answers.
     Part(Value, crate::machine::Part),
     /// Facts come into force in the task: a list of predicates with their arguments; nil.

@@ -41,22 +41,6 @@ pub(super) fn query(it: &mut Compiler<'_>, scope: &mut Scope, form: &Form, args:
     }
 }
 
-/// `(why goal)`
-pub(super) fn why(it: &mut Compiler<'_>, scope: &mut Scope, form: &Form, args: &[Form]) -> Expr {
-    match args {
-        [goal] => it.query(scope, "%why", goal, Template::Map, form),
-        _ => it.misshapen(form, "takes one goal"),
-    }
-}
-
-/// `(why-not goal)`
-pub(super) fn why_not(it: &mut Compiler<'_>, scope: &mut Scope, form: &Form, args: &[Form]) -> Expr {
-    match args {
-        [goal] => it.query(scope, "%why-not", goal, Template::Map, form),
-        _ => it.misshapen(form, "takes one goal"),
-    }
-}
-
 /// `(for-each-answer (?x …) goal body…)`: a loop over the lists of the values.
 pub(super) fn for_each_answer(it: &mut Compiler<'_>, scope: &mut Scope, form: &Form, args: &[Form]) -> Expr {
     let [names, goal, body @ ..] = args else { return it.misshapen(form, "needs variables and a goal") };

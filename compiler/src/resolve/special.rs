@@ -124,10 +124,6 @@ specials! {
         "Does the body for each answer, its variables bound." => queries::for_each_answer;
     "with-facts" "(with-facts ((predicate argument …) …) body…)"
         "Queries in the body see these facts as well." => queries::with_facts;
-    "why" "(why goal)"
-        "Why the goal holds: the proof of its first answer as text, nil without one." => queries::why;
-    "why-not" "(why-not goal)"
-        "Why the goal does not hold: what of which clause fails, the nearest first, as text; nil if it holds." => queries::why_not;
     "path" "(path name (name :call n) …)"
         "A place in a task tree, as data." => path;
     "original" "(original)"

@@ -340,14 +340,16 @@ impl Compiler<'_> {
     }
 }
 
-/// What the arguments are called: by the first variable that stands in their place, or as they are
-/// written in the first clause.
+/// What the arguments are called: by the first variable that stands in their place, or else as they are
+/// written in the first clause that has more than `()` there.
 fn params_of(heads: &[&[Form]]) -> Params {
     let arity = heads.first().map_or(0, |head| head.len());
+    let is_variable = |name: &Symbol| name.starts_with('?') && !name.starts_with("?_");
     let name = |at: usize| {
-        let symbols = heads.iter().filter_map(|head| head[at].symbol());
-        let variable = symbols.into_iter().find(|name| name.starts_with('?') && !name.starts_with("?_"));
-        variable.unwrap_or_else(|| Symbol::from(&heads[0][at].to_string()))
+        let variable = heads.iter().filter_map(|head| head[at].symbol()).find(is_variable);
+        let mut patterns = heads.iter().map(|head| &head[at]);
+        let pattern = patterns.find(|form| form.list() != Some(&[])).unwrap_or(&heads[0][at]);
+        variable.unwrap_or_else(|| Symbol::from(&pattern.to_string()))
     };
     Params { names: (0..arity).map(name).collect(), required: arity as u8, ..Params::default() }
 }

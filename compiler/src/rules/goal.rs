@@ -317,10 +317,15 @@ impl Compiler<'_> {
         let template = self.term(rule, template);
         rule.closed -= 1;
         let first = rule.vars.len();
+        let seen: Vec<bool> = rule.vars.iter().map(|var| var.seen).collect();
         let goal = self.opaque(rule, if set { "setof" } else { "bagof" }, goal);
         let mut by = Vec::new();
         goal.each_var(&mut |var| by.push(var));
-        template.each_var(&mut |var| by.retain(|other| *other != var));
+        // A variable of the template does not leave the goal, so the goal shows nothing of it.
+        template.each_var(&mut |var| {
+            by.retain(|other| *other != var);
+            rule.vars[var as usize].seen = seen[var as usize];
+        });
         // What `exists` has brought in inside of the goal groups nothing.
         by.retain(|var| (*var as usize) < first || !rule.vars[*var as usize].local);
         by.sort_unstable();

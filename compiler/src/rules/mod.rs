@@ -184,7 +184,7 @@ impl Compiler<'_> {
         const MOST: usize = 200;
         for place in self.program.rules.link() {
             let at = Span { file: grammar::FileId(place.file), start: place.start, end: place.end };
-            self.error(crate::CompileError::TooManyRegisters { name: "a clause".into(), limit: MOST, at });
+            self.error(crate::CompileError::ClauseTooLarge { limit: MOST, at });
         }
     }
 

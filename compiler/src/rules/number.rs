@@ -12,6 +12,7 @@ use super::goal::{arithmetic, row};
 use super::{Rule, place};
 use crate::Compiler;
 use crate::ast::{Callee, Expr, ExprKind, Function, Var, VarId};
+use crate::data::MOST_NESTED;
 use crate::error::CompileError;
 use crate::module::{Found, Meaning};
 use crate::resolve::{Scope, accepts};
@@ -88,8 +89,8 @@ impl Compiler<'_> {
     /// A number; what rule code cannot compute is computed by goals `before`.
     fn number(&mut self, rule: &mut Rule, form: &Form, before: &mut Vec<Goal>) -> Number {
         self.depth += 1;
-        let number = if self.depth > crate::data::MOST_NESTED + 1 {
-            self.error(CompileError::TooDeep { limit: crate::data::MOST_NESTED, at: form.span });
+        let number = if self.depth > MOST_NESTED + 1 {
+            self.error(CompileError::TooDeep { limit: MOST_NESTED, at: form.span });
             Number::Term(Term::Any)
         } else {
             self.number_of(rule, form, before)
@@ -125,6 +126,11 @@ impl Compiler<'_> {
     fn arithmetic_of(&mut self, rule: &mut Rule, items: &[Form], before: &mut Vec<Goal>) -> Number {
         let head = items[0].symbol().unwrap_or_default();
         let Some(sign) = arithmetic(&head) else { return constant(0) };
+        if items.len() > MOST_NESTED {
+            // It becomes as deep as it is long.
+            let problem = format!("a sum or product has more than {MOST_NESTED} parts");
+            return Number::Term(self.no_term(problem, items[0].span, None));
+        }
         let numbers: Vec<Number> = items[1..].iter().map(|item| self.number(rule, item, before)).collect();
         let is_sum = matches!(head.as_str(), "+" | "-");
         let mut numbers = numbers.into_iter();

@@ -137,8 +137,7 @@ impl Compiler<'_> {
         let vars = inputs.iter().map(|var| Term::Var(*var));
         let args: Vec<Term> = vars.chain([question.template]).collect();
         if args.len() > super::MOST_ARGS {
-            let (name, limit) = (format!("a query of `{head}`"), super::MOST_ARGS);
-            self.error(CompileError::TooManyRegisters { name, limit, at: span });
+            self.error(CompileError::ClauseTooLarge { limit: super::MOST_ARGS, at: span });
         }
         let place = place(span);
         let predicate = self.hidden_predicate(head, args.len(), place);

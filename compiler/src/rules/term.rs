@@ -80,8 +80,7 @@ impl Compiler<'_> {
     pub(super) fn variable(&mut self, rule: &mut Rule, name: Symbol, span: Span) -> u16 {
         let var = rule.var(name, span);
         if rule.vars.len() > MOST_VARS && !std::mem::replace(&mut rule.full, true) {
-            let (name, limit) = ("a clause".to_string(), MOST_VARS);
-            self.error(CompileError::TooManyRegisters { name, limit, at: span });
+            self.error(CompileError::ClauseTooLarge { limit: MOST_VARS, at: span });
         }
         var
     }

@@ -53,12 +53,18 @@ impl Machine {
                     Ok(Some(exit)) => return exit,
                     Err(raise) => raise,
                 },
-                hot::Out::Slow(op) => match self.slow(host, op, left) {
-                    Ok(None) if self.broke.is_some() => return Exit::Began,
-                    Ok(None) => continue,
-                    Ok(Some(exit)) => return exit,
-                    Err(raise) => raise,
-                },
+                hot::Out::Slow(op) => {
+                    let done = self.slow(host, op, left);
+                    if self.beside > 0 {
+                        self.count_beside(left);
+                    }
+                    match done {
+                        Ok(None) if self.broke.is_some() => return Exit::Began,
+                        Ok(None) => continue,
+                        Ok(Some(exit)) => return exit,
+                        Err(raise) => raise,
+                    }
+                }
                 hot::Out::Done(value) => return Exit::Done(value),
                 hot::Out::Fuel => return Exit::Fuel,
                 hot::Out::Raise(raise) => raise,
@@ -435,7 +441,11 @@ impl Machine {
             }
             Next::Sleep(ns) => self.sleep(d, ns),
             Next::Task(op) => self.task_op(host, d, op),
-            Next::Query { predicate, inputs, ask } => self.ask(host, d, predicate, &inputs, ask),
+            Next::Query { predicate, inputs, ask } => self.ask(d, predicate, &inputs, ask),
+            Next::Explain(stream, holds) => {
+                let text = self.explain(host, &stream, holds)?;
+                self.put(d, text)
+            }
             Next::Part(stream, part) => self.stream_part(d, &stream, part),
             Next::PushFacts(facts) => {
                 self.push_facts(&facts)?;

@@ -11,7 +11,8 @@ use crate::rules::engine::Engine;
 use crate::rules::show;
 use crate::rules::tree::determined_by;
 use crate::rules::why::{Bindings, Explanation, conjuncts};
-use crate::value::{Imm, Value};
+use crate::native::{Raise, type_error};
+use crate::value::{Imm, Obj, Value};
 
 use super::{Machine, Query};
 
@@ -39,6 +40,29 @@ struct Blame {
 }
 
 impl Machine {
+    /// Why the query of a stream has an answer, or with `holds` false why it has none; nil if that is not so.
+    pub(super) fn explain(&mut self, host: &mut dyn Host, stream: &Value, holds: bool) -> Result<Value, Raise> {
+        let asked = match stream.obj() {
+            Some(Obj::Stream(it)) => it.asked(),
+            _ => None,
+        };
+        let Some((predicate, inputs)) = asked else {
+            return Err(type_error("a query that nobody has looked at", stream));
+        };
+        let parts = match holds {
+            true => self.why(host, predicate, &inputs).map(Option::unwrap_or_default),
+            false => self.why_not(host, predicate, &inputs),
+        };
+        match parts {
+            Ok(parts) if parts.is_empty() => Ok(Value::NIL),
+            Ok(parts) => Ok(Value::str(crate::rules::why::text(&parts, &|_| None))),
+            Err(failure) => match failure.as_failure() {
+                Some(failure) => Err(Box::new(failure.clone())),
+                None => Ok(Value::NIL),
+            },
+        }
+    }
+
     /// The proof of the first answer of a query, or nothing without an answer.
     ///
     /// # Errors

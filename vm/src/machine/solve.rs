@@ -86,32 +86,9 @@ pub(super) struct Scope {
 
 impl Machine {
     /// Asks a predicate whose last argument is what an answer is.
-    pub(super) fn ask(
-        &mut self,
-        host: &mut dyn Host,
-        d: u8,
-        predicate: PredId,
-        inputs: &[Value],
-        ask: Ask,
-    ) -> Slow {
+    pub(super) fn ask(&mut self, d: u8, predicate: PredId, inputs: &[Value], ask: Ask) -> Slow {
         let engine = self.engine(predicate, inputs)?;
         let want = match ask {
-            Ask::Why | Ask::WhyNot => {
-                let parts = match ask {
-                    Ask::Why => self.why(host, predicate, inputs),
-                    _ => self.why_not(host, predicate, inputs).map(Some),
-                };
-                return match parts {
-                    Ok(Some(parts)) if !parts.is_empty() => {
-                        self.put(d, Value::str(crate::rules::why::text(&parts, &|_| None)))
-                    }
-                    Ok(_) => self.put(d, Value::NIL),
-                    Err(failure) => match failure.as_failure() {
-                        Some(failure) => Err(Box::new(failure.clone())),
-                        None => self.put(d, Value::NIL),
-                    },
-                };
-            }
             Ask::Whether => Want::Whether,
             Ask::All => Want::All(Vec::new()),
             Ask::Stream => {

@@ -122,6 +122,8 @@ pub struct Engine {
     /// The goals that are open, for explanations.
     pub(super) trace: Option<Box<super::why::Trace>>,
     started: bool,
+    /// How many arguments of the query are given.
+    inputs: usize,
 }
 
 /// Registers that one clause can name.
@@ -167,6 +169,7 @@ impl Engine {
             ticks: Vec::new(),
             trace: None,
             started: false,
+            inputs: inputs.len(),
         };
         engine.result = predicate.0;
         engine
@@ -233,6 +236,14 @@ impl Engine {
     #[must_use]
     pub fn is_last(&self) -> bool {
         self.choices.is_empty()
+    }
+
+    /// What is asked, if it has not begun: the predicate and its inputs.
+    #[must_use]
+    pub fn asked(&self) -> Option<(PredId, Vec<Value>)> {
+        let inputs = self.stack[..self.inputs].iter();
+        let inputs = inputs.map(|cell| self.store.export(*cell, &self.view).unwrap_or_default()).collect();
+        (!self.started).then_some((PredId(self.result), inputs))
     }
 
     /// The instruction after the one that it does.
@@ -476,7 +487,7 @@ impl Engine {
                         };
                     }
 
-                    RuleOp::Call(window, size, predicate) => {
+                    RuleOp::Call(window, n, predicate) => {
                         if *fuel == 0 {
                             self.pc = pc as u32 - 1;
                             return Ok(Out::Step(Step::Fuel));
@@ -487,9 +498,7 @@ impl Engine {
                         self.frames.truncate(at as usize);
                         self.frames.push(Frame { parent: self.frame, pc: pc as u32, base: base as u32 });
                         self.frame = at;
-                        // So do the registers, and above all of the clause: it writes to them when the
-                        // call has left choices, too.
-                        let above = (base as u32 + u32::from(size)).max(self.top);
+                        let above = (base as u32 + u32::from(n)).max(self.top);
                         let p = &rules.predicates[predicate.at()];
                         let plain = p.is_plain && self.view.scoped.is_empty() && self.trace.is_none();
                         self.move_args(base + window as usize, above as usize, p.declared.arity.into());
@@ -506,6 +515,38 @@ impl Engine {
                             if !self.call_predicate(program, predicate, above)? {
                                 return Ok(Out::Back);
                             }
+                        }
+                        continue 'window;
+                    }
+                    RuleOp::CallNative(window, predicate) => {
+                        if *fuel == 0 {
+                            self.pc = pc as u32 - 1;
+                            return Ok(Out::Step(Step::Fuel));
+                        }
+                        *fuel -= 1;
+                        let it = &rules.predicates[predicate.at()];
+                        let arity = it.declared.arity;
+                        let args = &w[window as usize..][..usize::from(arity)];
+                        self.pc = pc as u32;
+                        if let (Some(native), None) = (it.native, &self.trace) {
+                            let mut call = Call::new(program, store, args, &self.view);
+                            match native(&mut call)? {
+                                Found::Yes => continue,
+                                Found::No => return Ok(Out::Back),
+                                Found::Many(alternatives) => {
+                                    self.frame_for_goal(base as u32, window, arity.into());
+                                    let more = Alternative::Native(alternatives);
+                                    self.push_choice(self.base.max(self.top), arity, more);
+                                }
+                            }
+                            return Ok(Out::Back);
+                        }
+                        self.frame_for_goal(base as u32, window, arity.into());
+                        if let Some(trace) = &mut self.trace {
+                            trace.begin(self.frame);
+                        }
+                        if !self.call_predicate(program, predicate, self.base)? {
+                            return Ok(Out::Back);
                         }
                         continue 'window;
                     }
@@ -543,14 +584,14 @@ impl Engine {
                         }
                         continue 'window;
                     }
-                    RuleOp::CallValue(window, n, size) => {
+                    RuleOp::CallValue(window, n, most) => {
                         if *fuel == 0 {
                             self.pc = pc as u32 - 1;
                             return Ok(Out::Step(Step::Fuel));
                         }
                         *fuel -= 1;
                         self.pc = pc as u32;
-                        if !self.call_value(program, window, n, size)? {
+                        if !self.call_value(program, window, n, most)? {
                             return Ok(Out::Back);
                         }
                         continue 'window;
@@ -657,6 +698,20 @@ impl Engine {
         }
     }
 
+    /// A frame for what comes after a goal whose arguments are in the registers from `window`: they are
+    /// the first above it.
+    fn frame_for_goal(&mut self, base: u32, window: u8, arity: usize) {
+        let pc = self.pc;
+        self.push_frame(pc, base);
+        let from = base + u32::from(window);
+        let above = from.max(self.top);
+        if above != from {
+            self.move_args(from as usize, above as usize, arity);
+        }
+        self.base = above;
+    }
+
+    #[inline(always)]
     fn move_args(&mut self, from: usize, to: usize, n: usize) {
         if self.stack.len() < to + WINDOW {
             let len = (self.stack.len() * 2).max(to + WINDOW);
@@ -785,7 +840,7 @@ impl Engine {
     }
 
     /// `(call goal more…)`: finds the predicate of the goal and puts its arguments in place.
-    fn call_value(&mut self, program: &Program, window: u8, n: u8, size: u8) -> Result<bool, Raise> {
+    fn call_value(&mut self, program: &Program, window: u8, n: u8, most: u8) -> Result<bool, Raise> {
         let at = self.base as usize + window as usize;
         let mut args = Vec::new();
         let goal = self.store.open(self.stack[at]);
@@ -820,7 +875,7 @@ impl Engine {
             let message = format!("there is no predicate `{name}` of {} arguments", args.len());
             return Err(Box::new(Failure::new(Builtin::ProgramError, message)));
         };
-        let above = (self.base + u32::from(size)).max(self.top);
+        let above = (self.base + u32::from(most)).max(self.top);
         self.move_args(at, above as usize, 0);
         self.stack[above as usize..][..args.len()].copy_from_slice(&args);
         let frame = (self.frame + 1).max(self.frames_top);

@@ -49,7 +49,7 @@ struct Lowering<'a> {
     next: u8,
     /// The most registers so far.
     most: u8,
-    /// Positions of instructions that are to be told how many registers there are.
+    /// Positions of instructions that have to know how many registers the clause uses.
     sized: Vec<usize>,
     /// Holds the number of choices at the call, if the clause cuts.
     entry: Option<u8>,
@@ -360,7 +360,7 @@ impl Lowering<'_> {
                     Ok(())
                 }
             },
-            GoalKind::Call(predicate, args) => {
+            GoalKind::Call(predicate, args) if !self.rules.is_native(*predicate) => {
                 let saved = self.next;
                 if self.can_stay(args) {
                     for (at, term) in args.iter().enumerate() {
@@ -571,7 +571,13 @@ impl Lowering<'_> {
             }
             GoalKind::Call(predicate, args) => {
                 let window = self.window(args)?;
-                let at = self.emit_at(RuleOp::Call(window, 0, *predicate), goal);
+                let at = self.emit_at(
+                    match self.rules.is_native(*predicate) {
+                        true => RuleOp::CallNative(window, *predicate),
+                        false => RuleOp::Call(window, 0, *predicate),
+                    },
+                    goal,
+                );
                 self.sized.push(at);
             }
             GoalKind::CallValue(callee, args) => {

@@ -59,6 +59,8 @@ pub struct Rules {
     pub templates: Vec<Keys>,
     /// The predicate that says which plan performs an action, if a module declares it.
     pub grounding: Option<PredId>,
+    /// The predicates that look tasks up below another one: directly, and anywhere.
+    pub(crate) look_ups: [Option<PredId>; 2],
     constant_index: rustc_hash::FxHashMap<u64, Vec<u32>>,
     /// Predicates that have changed since they were compiled.
     changed: Vec<PredId>,
@@ -77,6 +79,7 @@ impl Default for Rules {
             cells: Vec::new(),
             templates: Vec::new(),
             grounding: None,
+            look_ups: [None; 2],
             constant_index: rustc_hash::FxHashMap::default(),
             changed: Vec::new(),
         }
@@ -117,10 +120,6 @@ pub enum Ask {
     All,
     /// `(query goal)`: a stream.
     Stream,
-    /// `(why goal)`: the proof of the first answer as text, nil without one.
-    Why,
-    /// `(why-not goal)`: what does not hold, as text; nil if there is an answer.
-    WhyNot,
 }
 
 /// What a query sees besides rules: all as it was when the query was opened.
@@ -163,6 +162,11 @@ impl Rules {
         let it = &self.predicates[id.at()].declared;
         if it.name == GROUNDING && it.arity == 2 && self.grounding.is_none() {
             self.grounding = Some(id);
+        }
+        match (it.name.as_str(), it.arity, it.kind) {
+            ("subtask-with", 4, Kind::Native) => self.look_ups[0] = Some(id),
+            ("subtask+-with", 4, Kind::Native) => self.look_ups[1] = Some(id),
+            _ => {}
         }
         id
     }
@@ -286,6 +290,12 @@ impl Rules {
             }
             more.into_iter().for_each(|at| self.predicates[at].sees_tree = true);
         }
+    }
+
+    /// True if the predicate is written in Rust.
+    #[must_use]
+    pub fn is_native(&self, predicate: PredId) -> bool {
+        self.predicates.get(predicate.at()).is_some_and(|it| it.native.is_some())
     }
 
     /// True if a query for the predicate may look at a tree.

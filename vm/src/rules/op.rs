@@ -82,13 +82,16 @@ pub enum RuleOp {
     AddInt(u8, u8, i32),
 
     // Goals.
-    /// Solve predicate p, its arguments in the registers from w. The clause uses n registers.
+    /// Solve predicate p, its arguments in the registers from w. The clause uses n registers, and the
+    /// predicate begins above them: if it leaves a choice, its registers must stay.
     Call(u8, u8, PredId),
-    /// The same as the last goal of the clause: its arguments are in the registers from w.
+    /// Solve a predicate that is written in Rust, its arguments in the registers from w.
+    CallNative(u8, PredId),
+    /// Solve it as the last goal of the clause: its arguments are in the registers from w.
     Execute(u8, PredId),
     /// The same where the arguments are in the first registers already.
     ExecuteHere(PredId),
-    /// Solve the goal in w, with m more arguments after it. The clause uses n registers.
+    /// Solve the goal in w, with n more arguments after it. The clause uses m registers.
     CallValue(u8, u8, u8),
     /// d = the result of function f for the n arguments from w; leaves the loop.
     CallFun(u8, u8, u8, FnId),
@@ -170,7 +173,9 @@ impl RuleOp {
             | RuleOp::Div(_, a, b)
             | RuleOp::Add1(a, b) => range_of(&[a, b], visit),
             RuleOp::PutStruct(_, s, t) => range(s, values(t)),
-            RuleOp::Call(w, _, predicate) | RuleOp::Execute(w, predicate) => range(w, arity(predicate)),
+            RuleOp::Call(w, _, predicate) | RuleOp::CallNative(w, predicate) | RuleOp::Execute(w, predicate) => {
+                range(w, arity(predicate));
+            }
             RuleOp::ExecuteHere(predicate) => range(0, arity(predicate)),
             RuleOp::CallValue(w, n, _) => range(w, n + 1),
             RuleOp::CallFun(_, w, n, _) => range(w, n),

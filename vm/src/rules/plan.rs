@@ -16,7 +16,7 @@ use super::clause::{Clause, Goal, GoalKind, Kind, PredId, Term, VarNo};
 use super::tree::determined_by;
 use super::view::TreeView;
 use super::why::conjuncts;
-use crate::value::Symbol;
+use crate::value::{Symbol, Value};
 
 /// How deep predicates are put in place.
 const DEPTH: usize = 8;
@@ -229,6 +229,15 @@ fn is_movable_kind(goal: &Goal) -> bool {
 // ---------------------------------------------------------------------------------------------
 // Ordering
 
+/// One half of a look-up of tasks.
+enum Half {
+    /// Those below a task: 0 directly, 1 anywhere.
+    Below(usize, Term),
+    /// Those with a value under a key.
+    With(Term, Term),
+}
+use Half::{Below, With};
+
 /// What a goal is to the order.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Role {
@@ -288,7 +297,14 @@ impl<'a> Order<'a> {
                 Role::Stays => false,
             });
             let at = ready.unwrap_or_else(|| self.next_generator(&left, &bound));
-            let (goal, _) = left.remove(at);
+            let goal = match ready.is_none().then(|| self.look_up(&left, at, &bound)).flatten() {
+                Some((goal, other)) => {
+                    left.remove(at.max(other));
+                    left.remove(at.min(other));
+                    goal
+                }
+                None => left.remove(at).0,
+            };
             bound.after(&goal);
             arranged.push(goal);
         }
@@ -313,6 +329,43 @@ impl<'a> Order<'a> {
             (other == var).then_some((cost, at))
         });
         costs.min().filter(|best| best.0 < cost).map_or(first, |best| best.1)
+    }
+
+    /// A generator of tasks below one and one of tasks with a value are one look-up: the goal for both, and
+    /// where the other one stands.
+    fn look_up(&self, left: &[(Goal, Role)], at: usize, bound: &Bound) -> Option<(Goal, usize)> {
+        let (var, _) = self.tasks_of(&left[at].0, bound)?;
+        let part = |goal: &Goal| {
+            let (name, GoalKind::Call(_, args)) = (tree_name(self.rules, goal)?, &goal.kind) else { return None };
+            (self.tasks_of(goal, bound)?.0 == var).then_some(())?;
+            let has = |at: usize| bound.has_term(&args[at]);
+            match name {
+                "subtask" if has(0) => Some(Below(0, args[0].clone())),
+                "subtask+" if has(0) => Some(Below(1, args[0].clone())),
+                "task-type" if has(1) => {
+                    Some(With(Term::Const(Value::symbol("type")), args[1].clone()))
+                }
+                "task-param" if has(1) && has(2) => Some(With(args[1].clone(), args[2].clone())),
+                _ => None,
+            }
+        };
+        let first = part(&left[at].0)?;
+        let fits = |other: &Half| matches!((&first, other), (Below(..), With(..)) | (With(..), Below(..)));
+        let (other, second) = left.iter().enumerate().find_map(|(n, (goal, role))| {
+            let half = (n != at && *role == Role::Tree).then(|| part(goal)).flatten()?;
+            fits(&half).then_some((n, half))
+        })?;
+        let ((Below(depth, above), With(key, value)) | (With(key, value), Below(depth, above))) = (first, second)
+        else {
+            return None;
+        };
+        // Everything is below the root.
+        if matches!(&above, Term::Const(value) if value.as_symbol().is_some_and(|it| it == "top-level")) && depth == 1 {
+            return None;
+        }
+        let predicate = self.rules.look_ups[depth]?;
+        let kind = GoalKind::Call(predicate, vec![above, Term::Var(var), key, value]);
+        Some((Goal { kind, place: left[at].0.place }, other))
     }
 
     /// The variable whose tasks a goal gives, each once and in the order of the tree, and how many that

@@ -7,6 +7,7 @@ use std::cell::RefCell;
 
 use crate::value::{Obj, Value};
 
+use super::clause::PredId;
 use super::engine::Engine;
 
 /// A cell of a stream.
@@ -46,6 +47,15 @@ impl Stream {
                 *state = other;
                 None
             }
+        }
+    }
+
+    /// What is asked, if nobody has looked.
+    #[must_use]
+    pub fn asked(&self) -> Option<(PredId, Vec<Value>)> {
+        match &*self.state.borrow() {
+            State::Open(engine) => engine.asked(),
+            _ => None,
         }
     }
 

@@ -46,6 +46,8 @@ pub const TABLE: &[(&str, u8, NativeRule)] = &[
     }),
     ("subtask", 2, subtask),
     ("subtask+", 2, subtasks),
+    ("subtask-with", 4, |call| with(call, true)),
+    ("subtask+-with", 4, |call| with(call, false)),
     ("before", 2, before),
     ("edited", 1, |call| tasks(call, 0, |view, _| view.all(), |call, task| Ok(call.view.tree.is_edited(task)))),
 ];
@@ -60,6 +62,7 @@ pub fn determined_by(name: &str) -> Option<&'static [usize]> {
         "task-param" | "task-param-written" => &[0, 1],
         "subtask" => &[1],
         "subtask+" | "before" => &[0, 1],
+        "subtask-with" | "subtask+-with" => &[0, 1, 2],
         _ => return None,
     })
 }
@@ -403,6 +406,86 @@ fn subtasks(call: &mut Call<'_>) -> Result<Found, Raise> {
             Ok(several_tasks(0, Rc::new(above), 0, |_, _| Ok(true)))
         }
         (TaskArg::Free, TaskArg::Free) => Ok(pairs(|view, above, task| view.is_above(above, task))),
+    }
+}
+
+/// `(subtask-with ?above ?task key ?value)`: a task directly below, or somewhere below, with this value.
+fn with(call: &mut Call<'_>, direct: bool) -> Result<Found, Raise> {
+    let Some(key) = symbol_arg(call, 2) else { return Ok(Found::No) };
+    let tree = call.view.tree.clone();
+    let list = match call.arg(3) {
+        Cell::Imm(imm) => tree.with(key, &Value::Imm(imm)),
+        Cell::Obj(at) => tree.with(key, call.store.object(at)),
+        _ => tree.having(key),
+    };
+    let range = match (task_arg(call, 0), task_arg(call, 1)) {
+        (TaskArg::None, _) | (_, TaskArg::None) => return Ok(Found::No),
+        (_, TaskArg::Task(task)) => task..task + 1,
+        (TaskArg::Task(above), TaskArg::Free) => tree.below(above),
+        (TaskArg::Free, TaskArg::Free) => 0..tree.tasks.len() as u32,
+    };
+    let next = list.partition_point(|task| *task < range.start);
+    let end = list.partition_point(|task| *task < range.end);
+    Ok(match next < end {
+        true => Found::Many(Box::new(With { list, next, end, key, direct, above: None })),
+        false => Found::No,
+    })
+}
+
+struct With {
+    list: Rc<Vec<u32>>,
+    next: usize,
+    end: usize,
+    key: Symbol,
+    direct: bool,
+    /// The next task above the current one, where the call does not say which.
+    above: Option<u32>,
+}
+
+impl With {
+    /// The tasks above one that the call may mean, the nearest first.
+    fn is_below(&mut self, call: &mut Call<'_>, task: u32) -> Result<bool, Raise> {
+        let parent = call.view.tree.tasks[task as usize].parent;
+        match task_arg(call, 0) {
+            TaskArg::Task(above) if self.direct => Ok(task != 0 && parent == above),
+            TaskArg::Task(above) => Ok(call.view.tree.is_above(above, task)),
+            TaskArg::None => Ok(false),
+            TaskArg::Free if task == 0 => Ok(false),
+            TaskArg::Free => {
+                let above = self.above.take().unwrap_or(parent);
+                if !self.direct && above != 0 {
+                    self.above = Some(call.view.tree.tasks[above as usize].parent);
+                    self.next -= 1;
+                }
+                call.unify(0, Cell::Task(above))
+            }
+        }
+    }
+}
+
+impl Alternatives for With {
+    fn next(&mut self, call: &mut Call<'_>) -> Result<Option<bool>, Raise> {
+        while self.next < self.end {
+            let task = self.list[self.next];
+            self.next += 1;
+            let mark = call.store.mark();
+            let tree = call.view.tree.clone();
+            let value = tree.param(task, self.key);
+            let holds = match (value, task_arg(call, 1)) {
+                (Some(value), TaskArg::Free) => {
+                    call.unify(1, Cell::Task(task))? && call.unify_value(3, value)? && self.is_below(call, task)?
+                }
+                (Some(value), TaskArg::Task(given)) => {
+                    given == task && call.unify_value(3, value)? && self.is_below(call, task)?
+                }
+                _ => false,
+            };
+            if holds {
+                return Ok(Some(self.next < self.end));
+            }
+            call.store.back_to(mark);
+        }
+        Ok(None)
     }
 }
 

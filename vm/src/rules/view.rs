@@ -86,14 +86,26 @@ impl Attempt {
 }
 
 /// The values that tasks have under one key.
-#[derive(Debug, Default)]
-pub struct Column {
+struct Column {
     /// Tasks that have one, in their order.
-    pub tasks: Rc<Vec<u32>>,
-    /// Their values, in the order of the tasks.
-    values: Vec<u32>,
-    /// The tasks with a value, by the number of the value.
-    with: FxHashMap<u32, Rc<Vec<u32>>>,
+    tasks: Rc<Vec<u32>>,
+    /// The tasks with a value, by its [`word`]. Two values of one word are told apart by who looks.
+    with: FxHashMap<u64, Rc<Vec<u32>>>,
+}
+
+impl Column {
+    fn new(rows: &[(u32, &Value)], values: &Values) -> Column {
+        let mut with: FxHashMap<u64, Vec<u32>> = FxHashMap::default();
+        for (task, value) in rows {
+            if let Some(word) = word(value, values) {
+                with.entry(word).or_default().push(*task);
+            }
+        }
+        Column {
+            tasks: Rc::new(rows.iter().map(|row| row.0).collect()),
+            with: with.into_iter().map(|(word, tasks)| (word, Rc::new(tasks))).collect(),
+        }
+    }
 }
 
 /// A tree.
@@ -102,33 +114,43 @@ pub struct TreeView {
     /// The tasks; the root is number 0.
     pub tasks: Vec<Task>,
     by_name: OnceCell<FxHashMap<Symbol, Rc<Vec<u32>>>>,
-    columns: OnceCell<Columns>,
+    columns: OnceCell<FxHashMap<Symbol, Column>>,
+    values: Values,
     all: OnceCell<Rc<Vec<u32>>>,
     /// Tasks on which edits stand, in their order.
     edited: Vec<u32>,
 }
 
+/// The values of properties, each once.
 #[derive(Default)]
-struct Columns {
-    by_key: FxHashMap<Symbol, Column>,
-    values: Vec<Value>,
+struct Values {
+    all: Vec<Value>,
     numbers: FxHashMap<u64, Vec<u32>>,
 }
 
-impl Columns {
+impl Values {
     fn number(&self, value: &Value) -> Option<u32> {
         let known = self.numbers.get(&hash_value(value))?;
-        known.iter().copied().find(|at| self.values[*at as usize] == *value)
+        known.iter().copied().find(|at| self.all[*at as usize] == *value)
     }
 
     fn intern(&mut self, value: &Value) -> u32 {
-        if let Some(number) = self.number(value) {
+        let known = self.numbers.entry(hash_value(value)).or_default();
+        if let Some(number) = known.iter().copied().find(|at| self.all[*at as usize] == *value) {
             return number;
         }
-        let number = self.values.len() as u32;
-        self.values.push(value.clone());
-        self.numbers.entry(hash_value(value)).or_default().push(number);
+        let number = self.all.len() as u32;
+        known.push(number);
+        self.all.push(value.clone());
         number
+    }
+}
+
+/// What a column finds a value by: itself, or for a large one its number.
+fn word(value: &Value, values: &Values) -> Option<u64> {
+    match value {
+        Value::Imm(_) => Some(hash_value(value)),
+        Value::Obj(_) => values.number(value).map(u64::from),
     }
 }
 
@@ -152,7 +174,15 @@ impl TreeView {
             tasks[parent].below = tasks[parent].below.max(below);
         }
         let edited = (0..).zip(&tasks).filter(|task| !task.1.edits.is_empty()).map(|task| task.0).collect();
-        TreeView { tasks, edited, ..TreeView::default() }
+        // Equal values become one, so that whoever compares two of them sees it at once.
+        let mut values = Values::default();
+        for (_, value) in tasks.iter_mut().flat_map(|task| &mut task.params) {
+            if let Value::Obj(_) = value {
+                let number = values.intern(value);
+                *value = values.all[number as usize].clone();
+            }
+        }
+        TreeView { tasks, edited, values, ..TreeView::default() }
     }
 
     /// The tree of a run, as it is now.
@@ -203,57 +233,44 @@ impl TreeView {
         by_name.get(&name).cloned().unwrap_or_default()
     }
 
-    fn columns(&self) -> &Columns {
-        self.columns.get_or_init(|| {
-            let mut columns = Columns::default();
-            let mut rows: FxHashMap<Symbol, (Vec<u32>, Vec<u32>)> = FxHashMap::default();
+    fn column(&self, key: Symbol) -> Option<&Column> {
+        let columns = self.columns.get_or_init(|| {
+            let mut columns: FxHashMap<Symbol, Vec<(u32, &Value)>> = FxHashMap::default();
             for (at, task) in (0..).zip(&self.tasks) {
                 for (key, value) in &task.params {
-                    let value = columns.intern(value);
-                    let (tasks, values) = rows.entry(*key).or_default();
-                    tasks.push(at);
-                    values.push(value);
+                    columns.entry(*key).or_default().push((at, value));
                 }
             }
-            for (key, (tasks, values)) in rows {
-                let mut with: FxHashMap<u32, Vec<u32>> = FxHashMap::default();
-                for (task, value) in tasks.iter().zip(&values) {
-                    with.entry(*value).or_default().push(*task);
-                }
-                let with = with.into_iter().map(|(value, tasks)| (value, Rc::new(tasks))).collect();
-                columns.by_key.insert(key, Column { tasks: Rc::new(tasks), values, with });
-            }
-            columns
-        })
+            columns.into_iter().map(|(key, rows)| (key, Column::new(&rows, &self.values))).collect()
+        });
+        columns.get(&key)
     }
 
     /// The tasks that have something under a key.
     #[must_use]
     pub fn having(&self, key: Symbol) -> Rc<Vec<u32>> {
-        self.columns().by_key.get(&key).map(|column| column.tasks.clone()).unwrap_or_default()
-    }
-
-    /// How many different values tasks have under a key.
-    #[must_use]
-    pub fn distinct(&self, key: Symbol) -> usize {
-        self.columns().by_key.get(&key).map_or(0, |column| column.with.len())
+        self.column(key).map(|column| column.tasks.clone()).unwrap_or_default()
     }
 
     /// The tasks that have this value under a key.
     #[must_use]
     pub fn with(&self, key: Symbol, value: &Value) -> Rc<Vec<u32>> {
-        let columns = self.columns();
-        let found = columns.number(value).and_then(|it| columns.by_key.get(&key)?.with.get(&it));
+        let found = word(value, &self.values).and_then(|word| self.column(key)?.with.get(&word));
         found.cloned().unwrap_or_default()
     }
 
+    /// How many different values tasks have under a key.
+    #[must_use]
+    pub fn distinct(&self, key: Symbol) -> usize {
+        self.column(key).map_or(0, |column| column.with.len())
+    }
+
     /// What a task has under a key: the value that all tasks with an equal one share.
+    #[inline]
     #[must_use]
     pub fn param(&self, task: u32, key: Symbol) -> Option<&Value> {
-        let columns = self.columns();
-        let column = columns.by_key.get(&key)?;
-        let at = column.tasks.binary_search(&task).ok()?;
-        columns.values.get(column.values[at] as usize)
+        let params = &self.tasks.get(task as usize)?.params;
+        params.iter().find(|param| param.0 == key).map(|param| &param.1)
     }
 
     /// True if the first task is above the second.
@@ -328,10 +345,8 @@ fn task(program: &Program, tree: &Tree, slot: SlotId, rec: RecId, parent: u32, a
     let record = tree.record(rec);
     let extra = tree.extra(rec);
     let params = crate::show::params(program, tree, rec);
-    let written = extra.and_then(|it| it.written.as_ref()).map(|args| {
-        let names = params.iter().map(|param| param.0).collect::<Vec<_>>();
-        properties(record.kind, names.into_iter().zip(args.iter().cloned()).collect())
-    });
+    let written = crate::show::written_params(program, tree, rec);
+    let written = written.map(|params| properties(record.kind, params));
     let edits: Vec<Value> = tree
         .edits_of(slot)
         .iter()

@@ -129,8 +129,14 @@ impl Engine {
                 node.args.iter().map(|arg| self.store.export(*arg, &self.view).unwrap_or_default()).collect()
             };
             let args = values(node);
+            // What is private to a module is nobody's reason.
+            let is_public = |at: &&usize| {
+                let predicate = trace.nodes[**at].predicate;
+                !program.rules.predicates[predicate.at()].declared.name.starts_with('%')
+            };
             let below: Vec<(PredId, Vec<Value>, Explanation)> = children[at]
                 .iter()
+                .filter(is_public)
                 .map(|at| {
                     let node = &trace.nodes[*at];
                     (node.predicate, values(node), std::mem::take(&mut done[*at]))

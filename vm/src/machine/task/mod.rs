@@ -138,6 +138,8 @@ pub(in crate::machine) struct Tasks {
     pub running: bool,
     /// Fuel used in this turn.
     pub in_turn: u64,
+    /// Rounds of this run: those of a run inside of it are none of its own.
+    pub rounds: u64,
     /// Who has a turn in this round, last first.
     round: Vec<TaskId>,
     /// Who has one in the next.
@@ -193,6 +195,7 @@ impl Tasks {
             loaded: TaskId::ROOT,
             running: true,
             in_turn: 0,
+            rounds: 0,
             round: Vec::new(),
             ready: Vec::new(),
             held: Vec::new(),
@@ -246,6 +249,11 @@ impl Tasks {
     pub(in crate::machine) fn is_waiting(&self, id: TaskId, token: u64) -> bool {
         let task = self.all.get(id.at());
         task.is_some_and(|task| task.token == token && matches!(task.state, State::Waiting(_)))
+    }
+
+    /// Who has a turn in the next round.
+    pub(in crate::machine) fn ready_tasks(&self) -> Vec<TaskId> {
+        self.ready.clone()
     }
 
     /// About how much memory they take.
@@ -459,6 +467,24 @@ impl Run {
         match &self.tasks.get(id).parked {
             Some(parked) => (&parked.frames, &parked.drivers),
             None => (&self.frames, &self.drivers),
+        }
+    }
+
+    /// The clean-ups that a task is in.
+    pub(in crate::machine) fn cleanups_of(&mut self, id: TaskId) -> &mut [CleanUp] {
+        match &mut self.tasks.get_mut(id).parked {
+            Some(parked) => &mut parked.cleanups,
+            None => &mut self.cleanups,
+        }
+    }
+
+    /// The record whose code a task does.
+    pub(in crate::machine) fn stands_in(&self, task: &Task) -> RecId {
+        match &task.parked {
+            // A branch with edits that has not begun.
+            Some(_) if task.begins_with.is_some() => task.rec,
+            Some(parked) => self.record(parked.here),
+            None => self.record(self.here),
         }
     }
 
