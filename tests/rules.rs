@@ -6,6 +6,7 @@
 mod answers;
 mod generate;
 mod naive;
+mod planned;
 mod swipl;
 
 use pleach::{Options, Session};
@@ -54,13 +55,18 @@ fn question(session: &Session, number: usize) -> PredId {
 
 /// The answers of the engine.
 fn ask(session: &Session, predicate: PredId) -> Found {
-    let asked = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| answers(session, predicate)));
+    ask_over(session, predicate, &View::default())
+}
+
+fn ask_over(session: &Session, predicate: PredId, view: &View) -> Found {
+    let work = std::panic::AssertUnwindSafe(|| answers(session, predicate, view));
+    let asked = std::panic::catch_unwind(work);
     asked.unwrap_or_else(|_| Found { answers: Vec::new(), end: End::Panic })
 }
 
-fn answers(session: &Session, predicate: PredId) -> Found {
+fn answers(session: &Session, predicate: PredId, view: &View) -> Found {
     let program = &session.machine.program;
-    let mut engine = Engine::new(predicate, &[], View::default(), false);
+    let mut engine = Engine::new(predicate, &[], view.clone(), false);
     let mut fuel = FUEL;
     let mut found = Found::default();
     loop {
