@@ -16,5 +16,5 @@ pub mod read;
 pub mod render;
 pub mod session;
 
-pub use query::{Answer, Answers, Question};
+pub use query::{Answer, Answers, Explained, Question};
 pub use session::{Ended, Options, Run, Session};

@@ -4,9 +4,10 @@ use std::path::Path;
 use std::rc::Rc;
 
 use compiler::{CompiledGoal, Report};
-use vm::machine::Query;
+use vm::machine::{PlanStep, Query};
 use vm::print::{LIMIT, Printer};
 use vm::rules::view::TreeView;
+use vm::rules::why::Explanation;
 use vm::value::{Symbol, Value};
 
 use crate::session::Session;
@@ -24,6 +25,15 @@ pub struct Answer {
     pub values: Vec<(Symbol, Value)>,
     /// There is nothing more to try. Without this there may be another answer.
     pub is_last: bool,
+}
+
+/// Why a goal holds, or why it does not.
+#[derive(Debug, Clone)]
+pub struct Explained {
+    /// It has an answer.
+    pub holds: bool,
+    /// The proof of the first answer; or what fails, of each clause, the nearest first.
+    pub parts: Vec<Explanation>,
 }
 
 /// The answers of a query.
@@ -82,6 +92,40 @@ impl Session {
         let goal = self.front.compile_goal(&mut self.machine.program, self.module, file, goal)?;
         let query = self.machine.open_query(goal.predicate, &[], tree);
         Ok(Question { goal, query })
+    }
+
+    /// Why a question that has just been asked has an answer, or why it has none.
+    ///
+    /// # Errors
+    /// A failure, as of the question itself.
+    pub fn explain(&mut self, question: &mut Question) -> Result<Explained, Value> {
+        let Question { goal, query } = question;
+        let predicate = goal.predicate;
+        self.with_door(&mut String::new(), |machine, door| match machine.why_of(door, query)? {
+            Some(parts) => Ok(Explained { holds: true, parts }),
+            None => {
+                let view = query.view().clone();
+                let parts = machine.why_not_in(door, predicate, &[], &view)?;
+                Ok(Explained { holds: false, parts })
+            }
+        })
+    }
+
+    /// An explanation as text, with the places of clauses.
+    #[must_use]
+    pub fn explanation(&self, parts: &[Explanation]) -> String {
+        vm::rules::why::text(parts, &|place| Some(self.files.show(place)).filter(|at| !at.is_empty()))
+    }
+
+    /// The order in which the goals of a question that has just been asked are solved, with how often each was
+    /// expected to hold and how often it did.
+    ///
+    /// # Errors
+    /// A failure, as of the question itself.
+    pub fn plan_of(&mut self, question: &mut Question) -> Result<Vec<PlanStep>, Value> {
+        let Question { goal, query } = question;
+        let (predicate, view) = (goal.predicate, query.view().clone());
+        self.with_door(&mut String::new(), |machine, door| machine.plan_of(door, predicate, &[], &view))
     }
 
     /// The next answer; nothing after the last.

@@ -148,7 +148,11 @@ impl Tally {
         );
         let length = |it: &&(u64, usize)| generate::program(it.0, it.1, theme).len();
         if let Some((seed, number)) = self.different.iter().min_by_key(length) {
-            panic!("{} programs differ, the shortest of them: {}", self.different.len(), report(*seed, *number, theme));
+            panic!(
+                "{} programs differ, the shortest of them: {}",
+                self.different.len(),
+                report(*seed, *number, theme)
+            );
         }
         assert!(self.whole * 10 > programs * 8, "only {} programs could be compared", self.whole);
     }
@@ -161,7 +165,8 @@ fn report(seed: u64, number: usize, theme: Theme) -> String {
     let session = load(&batch);
     let ours = ask(&session, question(&session, number));
     let naive = ask_naive(&session, number, batch.tabled);
-    let mut report = format!("seed {seed}, program {number}\n{text}\nmachine: {ours:#?}\noracle: {naive:#?}\n");
+    let mut report =
+        format!("seed {seed}, program {number}\n{text}\nmachine: {ours:#?}\noracle: {naive:#?}\n");
     if swipl::is_installed() {
         let theirs = swipl::ask(&batch, 10 * FUEL as usize, MOST);
         report += &format!("swipl: {:#?}\n", theirs.last());

@@ -6,9 +6,10 @@ use std::rc::Rc;
 use clap::Args;
 use compiler::Report;
 use pleach::session::Output;
-use pleach::{Answer as Found, Ended, Session};
+use pleach::{Answer as Found, Ended, Explained, Question, Session};
 use serde_json::{Map, Value as Json, json};
 use vm::rules::view::TreeView;
+use vm::rules::why::Explanation;
 use vm::value::Value;
 
 use super::run::{self, Job};
@@ -22,6 +23,8 @@ Examples:
   pleach query family.pl   '(ancestor ?x eve)' --most 3
   pleach query kitchen.plan '(task-status ?task failed)' --run --all
   pleach query kitchen.plan '(transport-task top-level ?task)' --run=set-table --seed 7
+  pleach query family.plan '(ancestor seth ?x)' --why
+  pleach query kitchen.plan '(both-hands ?a ?b)' --run --plan
   pleach run kitchen.plan --json > monday.json
   pleach query rules.plan '(both-hands ?one ?other)' --tree monday.json --all
 
@@ -33,9 +36,12 @@ the plan, with --tree that of an earlier run. `pleach doc rule` lists predicates
 
 An answer is a line `?x = value` for each variable, `true.` where there is none to ask for; if there
 is no answer, `false.`. What the plan of --run prints goes to stderr.
+With --why the proof of the first answer is printed, or for each clause what fails in it, the nearest first.
 With --json stdout is one object:
   answers   [{\"?x\": \"value\"}], values as `write` prints them
   more      whether there may be more answers than were asked for
+  why       {holds, parts: [{text, place, parts}]}; with --why
+  plan      [{goal, expected, held}]; with --plan
   failure   {type, fields, task, place, cause, also}; where looking for answers failed
   errors    [{severity, code, message, help, file, line, column, labels}]; where there are some
 Exit codes: 0 there is an answer · 1 there is none, or the query failed · 2 errors in the file or
@@ -63,6 +69,12 @@ pub struct Query {
     /// A file that `pleach run --json` wrote: goals about tasks see its tree
     #[arg(long, value_name = "FILE")]
     tree: Option<PathBuf>,
+    /// Why the goal holds, with the places of the rules; or why it does not
+    #[arg(long, conflicts_with_all = ["all", "most", "plan"])]
+    why: bool,
+    /// The order in which the goals are solved, with how often each was expected to hold and how often it did
+    #[arg(long, conflicts_with_all = ["all", "most"])]
+    plan: bool,
     /// Print the answers as JSON
     #[arg(long)]
     json: bool,
@@ -142,6 +154,12 @@ fn ask(session: &mut Session, it: &Query, tree: Option<Rc<TreeView>>) -> Answer 
         Ok(question) => question,
         Err(reports) => return Ok(errors(session, it, &reports)),
     };
+    if it.why {
+        return explain(session, it, &mut question);
+    }
+    if it.plan {
+        return plan(session, it, &mut question);
+    }
     let most = if it.all { u64::MAX } else { it.most.unwrap_or(1) };
     // Limits hold for the query by itself.
     let machine = &mut session.machine;
@@ -179,6 +197,70 @@ fn ask(session: &mut Session, it: &Query, tree: Option<Rc<TreeView>>) -> Answer 
         term::complain("there may be more answers\n");
     }
     Ok(if count == 0 { FAILED } else { 0 })
+}
+
+/// `--why`
+fn explain(session: &mut Session, it: &Query, question: &mut Question) -> Answer {
+    let explained = match session.explain(question) {
+        Ok(explained) => explained,
+        Err(failure) => {
+            failed(session, it, &failure, Vec::new());
+            return Ok(FAILED);
+        }
+    };
+    match it.json {
+        true => {
+            let parts: Vec<Json> =
+                explained.parts.iter().map(|part| explanation_json(session, part)).collect();
+            term::say(&format!("{}\n", json!({"why": {"holds": explained.holds, "parts": parts}})));
+        }
+        false => term::say(&explanation_text(session, &explained)),
+    }
+    Ok(if explained.holds { 0 } else { FAILED })
+}
+
+/// The text of an explanation.
+pub fn explanation_text(session: &Session, explained: &Explained) -> String {
+    match (explained.holds, explained.parts.is_empty()) {
+        (true, true) => "true: there is nothing to show\n".into(),
+        (false, true) => "false: no clause of the goal was near\n".into(),
+        _ => format!("{}\n", session.explanation(&explained.parts)),
+    }
+}
+
+fn explanation_json(session: &Session, part: &Explanation) -> Json {
+    let place = part.place.map(|place| session.files.show(place)).filter(|at| !at.is_empty());
+    let parts: Vec<Json> = part.parts.iter().map(|part| explanation_json(session, part)).collect();
+    json!({"text": part.text, "place": place, "parts": parts})
+}
+
+/// `--plan`
+fn plan(session: &mut Session, it: &Query, question: &mut Question) -> Answer {
+    let steps = match session.plan_of(question) {
+        Ok(steps) => steps,
+        Err(failure) => {
+            failed(session, it, &failure, Vec::new());
+            return Ok(FAILED);
+        }
+    };
+    if it.json {
+        let steps: Vec<Json> = steps
+            .iter()
+            .map(|step| json!({"goal": step.goal, "expected": step.expected, "held": step.held}))
+            .collect();
+        term::say(&format!("{}\n", json!({"plan": steps})));
+    } else {
+        term::say(&format!("{:>10} {:>10}  goal\n", "expected", "held"));
+        for step in &steps {
+            term::say(&format!(
+                "{:>10.0} {:>10}  {}\n",
+                step.expected,
+                step.held,
+                vm::show::safe(&step.goal)
+            ));
+        }
+    }
+    Ok(if steps.last().is_some_and(|step| step.held > 0) { 0 } else { FAILED })
 }
 
 /// A line for each variable; an empty one between answers of several.

@@ -15,6 +15,8 @@ pub const COMMANDS: &[(&str, &str, &str)] = &[
     (":type", "FORM", "what kind of value a form gives, and what is in it"),
     ("?-", "GOAL", "what makes a goal of rules hold; `;` on the next line gives the next answer"),
     (":more", "", "the next answer of the last goal, as `;` does"),
+    (":why", "GOAL", "why a goal holds: the proof of its first answer"),
+    (":why-not", "GOAL", "why a goal does not hold: what fails in which clause, the nearest first"),
     (":tree", "[all]", "the tasks of this session, and what became of them"),
     (":load", "FILE", "define what a file defines, again if need be"),
     (":code", "NAME", "the instructions of a function or plan"),
@@ -67,6 +69,7 @@ pub fn run(prompt: &mut Prompt, line: &str) -> After {
     match word {
         ":help" => term::say(&help()),
         ":more" => prompt.more(),
+        ":why" | ":why-not" => prompt.why(argument),
         ":doc" => document(prompt, argument),
         ":type" => describe(prompt, argument),
         ":tree" => {

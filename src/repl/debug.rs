@@ -21,6 +21,8 @@ pub enum Typed {
     Goal(String),
     /// `;`
     More,
+    /// `:why goal`
+    Why(String),
 }
 
 /// What is left of an input whose run is stopped.
@@ -93,6 +95,7 @@ impl Prompt {
                 Typed::Load(path) => super::commands::load(self, &path),
                 Typed::Goal(text) => self.ask(&text),
                 Typed::More => self.more(),
+                Typed::Why(text) => self.why(&text),
             }
         }
         self.session.stop_at = None;

@@ -36,6 +36,23 @@ impl Prompt {
         }
     }
 
+    /// `:why goal` and `:why-not goal`: says what is so, whichever was asked.
+    pub fn why(&mut self, goal: &str) {
+        self.script.push(Typed::Why(goal.to_string()));
+        self.inputs += 1;
+        let mut question = match self.session.ask(&format!("input {}", self.inputs), goal, None) {
+            Ok(question) => question,
+            Err(reports) => {
+                return reports.iter().for_each(|it| self.screen.say(&self.session.report(it)));
+            }
+        };
+        self.fill_up();
+        match self.session.explain(&mut question) {
+            Ok(explained) => self.screen.say(&query::explanation_text(&self.session, &explained)),
+            Err(failure) => self.failed(&failure),
+        }
+    }
+
     /// `;`: shows the next answer.
     pub fn more(&mut self) {
         match std::mem::take(&mut self.asked) {

@@ -178,7 +178,12 @@ impl<'p> Oracle<'_, 'p> {
             Ok(Next::Task(op)) => self.task_op(here, op),
             Ok(Next::Ask(_)) => Err(Exit::GiveUp("the oracle has no world to ask".into())),
             Ok(
-                Next::Query { .. } | Next::Explain(..) | Next::Part(..) | Next::PushFacts(_) | Next::PushTree(_) | Next::PopScope,
+                Next::Query { .. }
+                | Next::Explain(..)
+                | Next::Part(..)
+                | Next::PushFacts(_)
+                | Next::PushTree(_)
+                | Next::PopScope,
             ) => Err(Exit::GiveUp("the oracle has no rules".into())),
         }
     }
@@ -560,7 +565,10 @@ impl<'p> Oracle<'_, 'p> {
         }
         let parts = answer.to_vec().unwrap_or_default();
         let [plan, args @ ..] = parts.as_slice() else {
-            return self.raise(here, type_error("a list of a plan and its arguments as what an action is grounded to", &answer));
+            return self.raise(
+                here,
+                type_error("a list of a plan and its arguments as what an action is grounded to", &answer),
+            );
         };
         self.run.tree.records[here.rec].grounded = Some(answer.clone());
         self.ready(here, plan, args.to_vec())

@@ -445,7 +445,8 @@ impl Program {
             })
             .collect();
         let which = self.dice.pick(&["bagof", "setof"]);
-        let hidden: String = vars[1..].iter().filter(|_| self.dice.chance(40)).map(|var| format!("{var}^")).collect();
+        let hidden: String =
+            vars[1..].iter().filter(|_| self.dice.chance(40)).map(|var| format!("{var}^")).collect();
         let list = format!("V{}", self.new_number());
         self.seen.extend(vars[1..].iter().filter(|var| !hidden.contains(&format!("{var}^"))).cloned());
         let goal = format!("{which}({}, {hidden}{name}({}), {list})", vars[0], args.join(","));
@@ -568,7 +569,8 @@ fn name_singletons(clause: &str) -> String {
     while let Some(start) = rest.find(is_part) {
         let end = rest[start..].find(|it| !is_part(it)).map_or(rest.len(), |end| start + end);
         let word = &rest[start..end];
-        let once = word.starts_with(|it: char| it.is_ascii_uppercase()) && words.iter().filter(|it| **it == word).count() == 1;
+        let once = word.starts_with(|it: char| it.is_ascii_uppercase())
+            && words.iter().filter(|it| **it == word).count() == 1;
         out += &rest[..start];
         out += if once { "_" } else { "" };
         out += word;

@@ -267,7 +267,8 @@ impl<'p> Naive<'p> {
             GoalKind::True => test(true),
             GoalKind::False => test(false),
             GoalKind::Not(goal, needed) => {
-                let unbound = |var: &u16| matches!(full(&Tree::Var(first + *var as usize), known), Tree::Var(_));
+                let unbound =
+                    |var: &u16| matches!(full(&Tree::Var(first + *var as usize), known), Tree::Var(_));
                 if needed.iter().any(unbound) {
                     return Err(Fault::Error);
                 }
@@ -347,7 +348,8 @@ impl<'p> Naive<'p> {
                         items.sort();
                         items.dedup();
                     }
-                    let known = unify(&by, key, known).and_then(|it| unify(&result, &list(items.into_iter()), &it));
+                    let known =
+                        unify(&by, key, known).and_then(|it| unify(&result, &list(items.into_iter()), &it));
                     answers.extend(known.map(Ok));
                 }
                 Ok(answers)

@@ -201,7 +201,7 @@ impl Machine {
             Op::Resume => {
                 let value = std::mem::take(self.top().register(0));
                 if let Some(Driver::Solve(_)) = self.top().drivers.last() {
-                    return self.go_on_solving(host, left, value);
+                    return self.go_on_solving(host, value);
                 }
                 self.resume(host, value)
             }

@@ -649,7 +649,8 @@ impl Machine {
         if answer.is_nil() {
             return Err(self.not_grounded(&desc));
         }
-        let wanted = || type_error("a list of a plan and its arguments as what an action is grounded to", answer);
+        let wanted =
+            || type_error("a list of a plan and its arguments as what an action is grounded to", answer);
         let (plan, args) = answer.as_pair().ok_or_else(wanted)?;
         let args = args.to_vec().ok_or_else(wanted)?;
         self.top().tree.extra_mut(rec).grounded = Some(answer.clone());
@@ -672,7 +673,10 @@ impl Machine {
         let fields = vec![
             ("message", Value::str(message)),
             ("action", desc.clone()),
-            ("nearest", Value::list(nearest.iter().map(|line| Value::str(line.as_str())).collect::<Vec<_>>())),
+            (
+                "nearest",
+                Value::list(nearest.iter().map(|line| Value::str(line.as_str())).collect::<Vec<_>>()),
+            ),
         ];
         Box::new(Failure::with(Builtin::ActionNotGrounded, fields))
     }
@@ -750,4 +754,3 @@ impl Machine {
 
 /// How deep `run-plan` may nest.
 const MOST_RUNS: usize = 100;
-

@@ -6,12 +6,12 @@
 
 use crate::code::Place;
 use crate::host::Host;
+use crate::native::{Raise, type_error};
 use crate::rules::clause::{Clause, Declared, Goal, GoalKind, Kind, PredId, Term};
 use crate::rules::engine::Engine;
 use crate::rules::show;
 use crate::rules::tree::determined_by;
 use crate::rules::why::{Bindings, Explanation, conjuncts};
-use crate::native::{Raise, type_error};
 use crate::value::{Imm, Obj, Value};
 
 use super::{Machine, Query};
@@ -41,7 +41,12 @@ struct Blame {
 
 impl Machine {
     /// Why the query of a stream has an answer, or with `holds` false why it has none; nil if that is not so.
-    pub(super) fn explain(&mut self, host: &mut dyn Host, stream: &Value, holds: bool) -> Result<Value, Raise> {
+    pub(super) fn explain(
+        &mut self,
+        host: &mut dyn Host,
+        stream: &Value,
+        holds: bool,
+    ) -> Result<Value, Raise> {
         let asked = match stream.obj() {
             Some(Obj::Stream(it)) => it.asked(),
             _ => None,
@@ -141,14 +146,15 @@ impl Machine {
         view: &crate::rules::View,
     ) -> Result<Vec<PlanStep>, Value> {
         let it = &self.program.rules.predicates[predicate.at()];
-        let Some(clause) = it.planned.first().cloned().flatten().or_else(|| it.clauses.first().cloned()) else {
+        let Some(clause) = it.planned.first().cloned().flatten().or_else(|| it.clauses.first().cloned())
+        else {
             return Ok(Vec::new());
         };
         let goals: Vec<Goal> = conjuncts(&clause.body).into_iter().cloned().collect();
         let expected = crate::rules::plan::expected(&self.program.rules, &view.tree, &clause, inputs.len());
-        let ticked = (0..).zip(&goals).flat_map(|(n, goal)| {
-            [goal.clone(), Goal { kind: GoalKind::Tick(n), place: goal.place }]
-        });
+        let ticked = (0..)
+            .zip(&goals)
+            .flat_map(|(n, goal)| [goal.clone(), Goal { kind: GoalKind::Tick(n), place: goal.place }]);
         let body = Goal { kind: GoalKind::And(ticked.collect()), place: clause.place };
         let head = clause.head.clone();
         let counted = self.hidden(Clause { head, body, ..clause.clone() });
@@ -193,7 +199,8 @@ impl Machine {
         // The nearest first: that of which most holds.
         blames.sort_by(|a, b| (b.reached * (a.goals + 1)).cmp(&(a.reached * (b.goals + 1))));
         let more = blames.len().saturating_sub(MOST);
-        let mut parts: Vec<Explanation> = blames.into_iter().take(MOST).map(|blame| blame.explanation).collect();
+        let mut parts: Vec<Explanation> =
+            blames.into_iter().take(MOST).map(|blame| blame.explanation).collect();
         if more > 0 {
             parts.push(sentence(format!("{more} more clauses do not hold either"), None));
         }
@@ -235,7 +242,8 @@ impl Machine {
             let failed = bindings.fill(&goals[n - 1]);
             let parts = self.why_not_part(host, &failed, clause, view, depth)?;
             let text = show::goal(&self.program, &failed, &clause.vars);
-            let because = Explanation { text: format!("{text} does not hold"), place: Some(failed.place), parts };
+            let because =
+                Explanation { text: format!("{text} does not hold"), place: Some(failed.place), parts };
             let head = self.head(clause);
             let text = match n {
                 1 => format!("{head} matches"),
@@ -296,9 +304,8 @@ impl Machine {
         if needs.len() == args.len() || needs.iter().any(|at| is_free(&args[*at])) {
             return Ok(Vec::new());
         }
-        let asked: Vec<Value> = (0..args.len())
-            .map(|at| if needs.contains(&at) { args[at].clone() } else { free(at) })
-            .collect();
+        let asked: Vec<Value> =
+            (0..args.len()).map(|at| if needs.contains(&at) { args[at].clone() } else { free(at) }).collect();
         let goal = Goal {
             kind: GoalKind::Call(predicate, (0..args.len() as u16).map(Term::Var).collect()),
             place: Place::default(),
@@ -414,7 +421,9 @@ fn value_of(term: &Term, next: &mut usize) -> Value {
         }
         Term::Const(value) => value.clone(),
         Term::Pair(first, rest) => Value::cons(value_of(first, next), value_of(rest, next)),
-        Term::Vector(items) => Value::vector(items.iter().map(|item| value_of(item, next)).collect::<Vec<_>>()),
+        Term::Vector(items) => {
+            Value::vector(items.iter().map(|item| value_of(item, next)).collect::<Vec<_>>())
+        }
         Term::Map(entries) => {
             Value::map(entries.iter().map(|(key, item)| (key.clone(), value_of(item, next))).collect())
         }

@@ -47,8 +47,8 @@ use crate::tree::{RecId, Status, Tree};
 use crate::value::{Value, live};
 
 pub use call::takes;
-pub use explain::PlanStep;
 use drive::Driver;
+pub use explain::PlanStep;
 pub use fluent::TaskOp;
 pub use fork::{ForkKind, nanoseconds};
 pub use solve::{Part, Query};

@@ -1,7 +1,8 @@
 //! Queries of plans: the engine of rules as a driver of a frame.
 //!
-//! The engine takes the fuel of the task's turn and gives way when it is used up, as all code does.
-//! When a rule calls a function, the function has a frame above the driver's.
+//! Inferences are counted like calls against the fuel of the run, but not against the turn of the task: how
+//! many there are depends on how goals are planned, and a better plan must not change the clock of a tree.
+//! So a query is solved in one turn, in slices between which the run may be stopped. When a rule calls a function, the function has a frame above the driver's.
 
 use std::rc::Rc;
 
@@ -49,7 +50,7 @@ impl Query {
 }
 
 /// Inferences between two looks at the limits.
-const SLICE: u64 = 100_000;
+const SLICE: u64 = 20_000;
 
 /// What becomes of answers.
 enum Want {
@@ -170,11 +171,7 @@ impl Machine {
     ///
     /// # Errors
     /// A failure: what a rule did wrong, or a limit of the run.
-    pub fn next_answer_of(
-        &mut self,
-        host: &mut dyn Host,
-        query: &mut Query,
-    ) -> Result<Option<Value>, Value> {
+    pub fn next_answer_of(&mut self, host: &mut dyn Host, query: &mut Query) -> Result<Option<Value>, Value> {
         let engine = &mut query.engine;
         loop {
             let mut left = SLICE.min(self.limits.fuel.saturating_sub(self.steps));
@@ -262,14 +259,18 @@ impl Machine {
     }
 
     /// The next stretch of a query: its driver has the frame.
-    pub(super) fn go_on_solving(&mut self, host: &mut dyn Host, left: &mut u64, value: Value) -> Slow {
+    pub(super) fn go_on_solving(&mut self, host: &mut dyn Host, value: Value) -> Slow {
         let Some(Driver::Solve(mut solve)) = self.top().drivers.pop() else { return Ok(None) };
         if std::mem::take(&mut solve.called) {
             solve.engine.give(&value);
         }
         self.top().pc = RESUME;
         loop {
-            let step = match solve.engine.run(&self.program, left) {
+            let given = SLICE.min(self.limits.fuel.saturating_sub(self.steps));
+            let mut slice = given;
+            let step = solve.engine.run(&self.program, &mut slice);
+            self.steps += given - slice;
+            let step = match step {
                 Ok(step) => step,
                 Err(mut raise) => {
                     raise.place = raise.place.or_else(|| solve.engine.place(&self.program));

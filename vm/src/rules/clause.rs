@@ -23,7 +23,7 @@ impl PredId {
 pub type VarNo = u16;
 
 /// A pattern of values.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq)]
 pub enum Term {
     /// `?x`
     Var(VarNo),
@@ -266,7 +266,9 @@ impl Goal {
             GoalKind::And(goals) | GoalKind::Or(goals) => goals.iter().any(|it| it.calls(wanted)),
             GoalKind::Not(goal, _) | GoalKind::Once(goal) => goal.calls(wanted),
             GoalKind::If { test, then, otherwise, .. } => {
-                test.calls(wanted) || then.calls(wanted) || otherwise.as_ref().is_some_and(|it| it.calls(wanted))
+                test.calls(wanted)
+                    || then.calls(wanted)
+                    || otherwise.as_ref().is_some_and(|it| it.calls(wanted))
             }
             GoalKind::Call(predicate, _) => wanted(*predicate),
             GoalKind::CallValue(..) => true,

@@ -22,7 +22,8 @@ pub fn to_action(program: &Program, action: &Value) -> Vec<String> {
         let plan = clause.head.get(1).map_or_else(String::new, |call| plan_of(program, clause, call));
         let misses: Vec<String> =
             wanted.iter().filter_map(|(key, term)| miss(program, clause, desc, *key, term)).collect();
-        let is_of_type = wanted.iter().any(|(key, _)| *key == "type") && misses.iter().all(|it| !it.contains("(type"));
+        let is_of_type =
+            wanted.iter().any(|(key, _)| *key == "type") && misses.iter().all(|it| !it.contains("(type"));
         let line = match misses.is_empty() {
             true => format!("the rule for {plan} fits, but its conditions do not hold"),
             false => format!("the rule for {plan} {}", misses.join(" and ")),

@@ -173,7 +173,9 @@ impl RuleOp {
             | RuleOp::Div(_, a, b)
             | RuleOp::Add1(a, b) => range_of(&[a, b], visit),
             RuleOp::PutStruct(_, s, t) => range(s, values(t)),
-            RuleOp::Call(w, _, predicate) | RuleOp::CallNative(w, predicate) | RuleOp::Execute(w, predicate) => {
+            RuleOp::Call(w, _, predicate)
+            | RuleOp::CallNative(w, predicate)
+            | RuleOp::Execute(w, predicate) => {
                 range(w, arity(predicate));
             }
             RuleOp::ExecuteHere(predicate) => range(0, arity(predicate)),

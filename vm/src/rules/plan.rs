@@ -151,7 +151,10 @@ impl Inline<'_> {
         let callee = callee.clone();
         self.inlined.push(*predicate);
         let first = self.vars.len();
-        self.vars.extend(&callee.vars);
+        for name in &callee.vars {
+            let name = self.fresh_name(*name);
+            self.vars.push(name);
+        }
         let mut known: Vec<Option<Term>> = vec![None; callee.vars.len()];
         let mut equal = Vec::new();
         for (param, arg) in callee.head.iter().zip(args) {
@@ -179,6 +182,17 @@ impl Inline<'_> {
             self.goal(&goal, way);
         }
         way.pop();
+    }
+
+    /// A name that no other variable has.
+    fn fresh_name(&self, name: Symbol) -> Symbol {
+        let mut fresh = name;
+        let mut n = 1;
+        while self.vars.contains(&fresh) {
+            n += 1;
+            fresh = Symbol::from(&format!("{name}.{n}"));
+        }
+        fresh
     }
 
     /// The one clause of a predicate that can stand in the place of its call.
@@ -270,7 +284,8 @@ impl<'a> Order<'a> {
                     false => Role::Stays,
                 },
                 GoalKind::Not(inner, shared) => {
-                    let pure = conjuncts(inner).iter().all(|goal| is_movable_kind(goal) && is_total(rules, goal));
+                    let pure =
+                        conjuncts(inner).iter().all(|goal| is_movable_kind(goal) && is_total(rules, goal));
                     match pure && bound.has_needed(goal) && shared.iter().all(|var| bound.has(*var)) {
                         true => Role::Test,
                         false => Role::Stays,
@@ -305,8 +320,13 @@ impl<'a> Order<'a> {
                 }
                 None => left.remove(at).0,
             };
+            // What has been found out already need not be asked again.
+            let is_known =
+                self.is_determined(&goal, &bound) && arranged.iter().any(|it| same_call(it, &goal));
             bound.after(&goal);
-            arranged.push(goal);
+            if !is_known {
+                arranged.push(goal);
+            }
         }
         arranged
     }
@@ -336,15 +356,15 @@ impl<'a> Order<'a> {
     fn look_up(&self, left: &[(Goal, Role)], at: usize, bound: &Bound) -> Option<(Goal, usize)> {
         let (var, _) = self.tasks_of(&left[at].0, bound)?;
         let part = |goal: &Goal| {
-            let (name, GoalKind::Call(_, args)) = (tree_name(self.rules, goal)?, &goal.kind) else { return None };
+            let (name, GoalKind::Call(_, args)) = (tree_name(self.rules, goal)?, &goal.kind) else {
+                return None;
+            };
             (self.tasks_of(goal, bound)?.0 == var).then_some(())?;
             let has = |at: usize| bound.has_term(&args[at]);
             match name {
                 "subtask" if has(0) => Some(Below(0, args[0].clone())),
                 "subtask+" if has(0) => Some(Below(1, args[0].clone())),
-                "task-type" if has(1) => {
-                    Some(With(Term::Const(Value::symbol("type")), args[1].clone()))
-                }
+                "task-type" if has(1) => Some(With(Term::Const(Value::symbol("type")), args[1].clone())),
                 "task-param" if has(1) && has(2) => Some(With(args[1].clone(), args[2].clone())),
                 _ => None,
             }
@@ -355,12 +375,15 @@ impl<'a> Order<'a> {
             let half = (n != at && *role == Role::Tree).then(|| part(goal)).flatten()?;
             fits(&half).then_some((n, half))
         })?;
-        let ((Below(depth, above), With(key, value)) | (With(key, value), Below(depth, above))) = (first, second)
+        let ((Below(depth, above), With(key, value)) | (With(key, value), Below(depth, above))) =
+            (first, second)
         else {
             return None;
         };
         // Everything is below the root.
-        if matches!(&above, Term::Const(value) if value.as_symbol().is_some_and(|it| it == "top-level")) && depth == 1 {
+        if matches!(&above, Term::Const(value) if value.as_symbol().is_some_and(|it| it == "top-level"))
+            && depth == 1
+        {
             return None;
         }
         let predicate = self.rules.look_ups[depth]?;
@@ -384,7 +407,9 @@ impl<'a> Order<'a> {
             "task-type" => Some((free(0)?, if has(1) { 2 } else { 4 })),
             "task-name" => Some((free(0)?, if has(1) { 3 } else { 6 })),
             "subtask+" if has(0) => Some((free(1)?, 5)),
-            "task" | "edited" | "task-status" | "task-kind" | "task-value" | "task-start" => Some((free(0)?, 6)),
+            "task" | "edited" | "task-status" | "task-kind" | "task-value" | "task-start" => {
+                Some((free(0)?, 6))
+            }
             _ => None,
         }
     }
@@ -398,6 +423,14 @@ fn is_total(rules: &Rules, goal: &Goal) -> bool {
             it.native.is_some() || it.declared.kind == Kind::Facts
         }
         _ => true,
+    }
+}
+
+/// True if two goals call the same predicate with the same arguments.
+fn same_call(a: &Goal, b: &Goal) -> bool {
+    match (&a.kind, &b.kind) {
+        (GoalKind::Call(p, x), GoalKind::Call(q, y)) => p == q && x == y && !x.iter().any(contains_any),
+        _ => false,
     }
 }
 

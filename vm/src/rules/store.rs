@@ -705,7 +705,7 @@ mod tests {
         let mut store = Store::default();
         let x = store.fresh();
         let list = store.pair(Cell::Imm(Imm::Symbol(Symbol::from("f"))), x);
-        assert!(!store.unify(x, list).unwrap());
+        assert!(!store.unify(x, list).expect("it is small"));
         assert!(matches!(store.deref(x), Cell::Ref(_)));
     }
 
@@ -716,10 +716,10 @@ mod tests {
         let cell = store.import(&value);
         let (x, xs) = (store.fresh(), store.fresh());
         let pattern = store.pair(x, xs);
-        assert!(store.unify(cell, pattern).unwrap());
-        assert_eq!(store.export(x, &Nobody).unwrap(), Value::int(1));
+        assert!(store.unify(cell, pattern).expect("it is small"));
+        assert_eq!(store.export(x, &Nobody).expect("it is small"), Value::int(1));
         assert!(matches!(store.deref(xs), Cell::Obj(_)));
-        assert_eq!(store.export(pattern, &Nobody).unwrap(), value);
+        assert_eq!(store.export(pattern, &Nobody).expect("it is small"), value);
     }
 
     #[test]
@@ -727,10 +727,10 @@ mod tests {
         let mut store = Store::default();
         let (x, y) = (store.fresh(), store.fresh());
         let term = store.list(&[x, y, x], Cell::NIL);
-        let value = store.export(term, &Nobody).unwrap();
-        let copy = store.import_open(&value, &mut Vec::new()).unwrap();
-        assert!(store.unify(copy, term).unwrap());
-        assert_eq!(store.variables(copy).unwrap().len(), 2);
+        let value = store.export(term, &Nobody).expect("it is small");
+        let copy = store.import_open(&value, &mut Vec::new()).expect("it is small");
+        assert!(store.unify(copy, term).expect("it is small"));
+        assert_eq!(store.variables(copy).expect("it is small").len(), 2);
     }
 
     #[test]
@@ -740,7 +740,7 @@ mod tests {
         let mark = store.mark();
         store.old = mark.heap;
         let one = store.pair(Cell::int(1), Cell::NIL);
-        assert!(store.unify(x, one).unwrap());
+        assert!(store.unify(x, one).expect("it is small"));
         store.back_to(mark);
         assert!(matches!(store.deref(x), Cell::Ref(_)) && store.heap.len() == 1);
     }

@@ -17,16 +17,41 @@ use super::view::TreeView;
 pub const TABLE: &[(&str, u8, NativeRule)] = &[
     ("task", 1, |call| tasks(call, 0, |view, _| view.all(), |_, _| Ok(true))),
     ("task-name", 2, |call| {
-        tasks(call, 0, |view, call| symbol_arg(call, 1).map_or_else(|| view.all(), |name| view.named(name)), |call, task| {
-            let name = call.view.tree.tasks[task as usize].name;
-            call.unify(1, Cell::Imm(Imm::Symbol(name)))
-        })
+        tasks(
+            call,
+            0,
+            |view, call| symbol_arg(call, 1).map_or_else(|| view.all(), |name| view.named(name)),
+            |call, task| {
+                let name = call.view.tree.tasks[task as usize].name;
+                call.unify(1, Cell::Imm(Imm::Symbol(name)))
+            },
+        )
     }),
     ("task-type", 2, |call| column(call, Symbol::from("type"), 1)),
     ("task-param", 3, param),
     ("task-param-written", 3, |call| properties(call, |task| task.written.as_ref().unwrap_or(&task.params))),
-    ("task-kind", 2, |call| functional(call, |task| Some(Value::symbol(task.kind)))),
-    ("task-status", 2, |call| functional(call, |task| Some(Value::symbol(task.status)))),
+    ("task-kind", 2, |call| {
+        tasks(
+            call,
+            0,
+            |view, _| view.all(),
+            |call, task| {
+                let (kind, _) = call.view.tree.words(task);
+                call.unify(1, Cell::Imm(Imm::Symbol(kind)))
+            },
+        )
+    }),
+    ("task-status", 2, |call| {
+        tasks(
+            call,
+            0,
+            |view, _| view.all(),
+            |call, task| {
+                let (_, status) = call.view.tree.words(task);
+                call.unify(1, Cell::Imm(Imm::Symbol(status)))
+            },
+        )
+    }),
     ("task-value", 2, |call| functional(call, |task| Some(task.value.clone()))),
     ("task-failure", 2, |call| functional(call, |task| task.failure.clone())),
     ("task-grounded", 2, |call| functional(call, |task| task.grounded.clone())),
@@ -49,7 +74,9 @@ pub const TABLE: &[(&str, u8, NativeRule)] = &[
     ("subtask-with", 4, |call| with(call, true)),
     ("subtask+-with", 4, |call| with(call, false)),
     ("before", 2, before),
-    ("edited", 1, |call| tasks(call, 0, |view, _| view.all(), |call, task| Ok(call.view.tree.is_edited(task)))),
+    ("edited", 1, |call| {
+        tasks(call, 0, |view, _| view.all(), |call, task| Ok(call.view.tree.is_edited(task)))
+    }),
 ];
 
 /// What the predicates of this name need bound to have one answer at the most: the planner of clauses
@@ -357,10 +384,15 @@ fn path(call: &mut Call<'_>) -> Result<Found, Raise> {
             None => Ok(Found::No),
         };
     }
-    tasks(call, 0, |view, _| view.all(), |call, task| {
-        let path = Value::new(Obj::Path(Box::new(call.view.tree.path(task))));
-        call.unify_value(1, &path)
-    })
+    tasks(
+        call,
+        0,
+        |view, _| view.all(),
+        |call, task| {
+            let path = Value::new(Obj::Path(Box::new(call.view.tree.path(task))));
+            call.unify_value(1, &path)
+        },
+    )
 }
 
 /// `(subtask ?above ?task)`: directly below.
@@ -473,7 +505,9 @@ impl Alternatives for With {
             let value = tree.param(task, self.key);
             let holds = match (value, task_arg(call, 1)) {
                 (Some(value), TaskArg::Free) => {
-                    call.unify(1, Cell::Task(task))? && call.unify_value(3, value)? && self.is_below(call, task)?
+                    call.unify(1, Cell::Task(task))?
+                        && call.unify_value(3, value)?
+                        && self.is_below(call, task)?
                 }
                 (Some(value), TaskArg::Task(given)) => {
                     given == task && call.unify_value(3, value)? && self.is_below(call, task)?
@@ -494,9 +528,9 @@ fn before(call: &mut Call<'_>) -> Result<Found, Raise> {
     fn is_before(view: &TreeView, a: u32, b: u32) -> bool {
         let (first, second) = (&view.tasks[a as usize], &view.tasks[b as usize]);
         // Of two that took no time the one that was called first.
-        first.end.is_some_and(|end| {
-            end < second.start || (end == second.start && a < b && !view.is_above(a, b))
-        })
+        first
+            .end
+            .is_some_and(|end| end < second.start || (end == second.start && a < b && !view.is_above(a, b)))
     }
     match (task_arg(call, 0), task_arg(call, 1)) {
         (TaskArg::None, _) | (_, TaskArg::None) => Ok(Found::No),

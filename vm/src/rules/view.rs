@@ -48,6 +48,8 @@ pub struct Task {
     pub attempts: Vec<Attempt>,
     /// The words of the edits on it.
     pub edits: Vec<Value>,
+    /// `kind` and `status` as symbols.
+    words: (Symbol, Symbol),
     /// Its rank among siblings of its name, from 1.
     call: u32,
     /// One past the number of the last task below.
@@ -162,10 +164,10 @@ impl TreeView {
             tasks.push(Task { name: Symbol::from("top-level"), kind: "top-level", ..Task::default() });
         }
         let mut calls: FxHashMap<(u32, Symbol), u32> = FxHashMap::default();
-        for at in 1..tasks.len() {
-            let call = calls.entry((tasks[at].parent, tasks[at].name)).or_insert(0);
+        for task in tasks.iter_mut().skip(1) {
+            let call = calls.entry((task.parent, task.name)).or_insert(0);
             *call += 1;
-            tasks[at].call = *call;
+            task.call = *call;
         }
         for at in (0..tasks.len()).rev() {
             let below = tasks[at].below.max(at as u32 + 1);
@@ -173,6 +175,9 @@ impl TreeView {
             let parent = tasks[at].parent as usize;
             tasks[parent].below = tasks[parent].below.max(below);
         }
+        let mut words: FxHashMap<&'static str, Symbol> = FxHashMap::default();
+        let mut word = |text: &'static str| *words.entry(text).or_insert_with(|| Symbol::from(text));
+        tasks.iter_mut().for_each(|task| task.words = (word(task.kind), word(task.status)));
         let edited = (0..).zip(&tasks).filter(|task| !task.1.edits.is_empty()).map(|task| task.0).collect();
         // Equal values become one, so that whoever compares two of them sees it at once.
         let mut values = Values::default();
@@ -298,6 +303,12 @@ impl TreeView {
         })
     }
 
+    /// What a task is and what became of it, as symbols.
+    #[must_use]
+    pub fn words(&self, task: u32) -> (Symbol, Symbol) {
+        self.tasks[task as usize].words
+    }
+
     /// True if an edit stands on the task or on one below.
     #[must_use]
     pub fn is_edited(&self, task: u32) -> bool {
@@ -379,6 +390,7 @@ fn task(program: &Program, tree: &Tree, slot: SlotId, rec: RecId, parent: u32, a
             })
             .collect(),
         edits,
+        words: Default::default(),
         call: 0,
         below: 0,
     }
