@@ -339,7 +339,9 @@ impl<'p> Naive<'p> {
                 let found: Result<Vec<Known>, Fault> = self.goal(goal, first, known).0.into_iter().collect();
                 let pairs = found?.into_iter().map(|known| (full(&by, &known), full(&template, &known)));
                 let pairs: Vec<(Tree, Tree)> = pairs.collect();
-                let keys: BTreeSet<&Tree> = pairs.iter().map(|pair| &pair.0).collect();
+                let mut keys: Vec<&Tree> = pairs.iter().map(|pair| &pair.0).collect();
+                keys.sort();
+                keys.dedup();
                 let mut answers = Vec::new();
                 for key in keys {
                     let mut items: Vec<Tree> =

@@ -140,7 +140,8 @@ fn planned_clauses_answer_as_written() {
                 let tree = tree(&mut Dice::new(seed * 77 + number as u64));
                 let found = |name: &str| over(&session, &format!("t{number}{name}"), &tree);
                 let (ours, as_written) = (found("w"), found("u"));
-                let line = batch.text.lines().find(|line| line.starts_with(&format!("t{number}w"))).unwrap_or("");
+                let line =
+                    batch.text.lines().find(|line| line.starts_with(&format!("t{number}w"))).unwrap_or("");
                 assert_eq!(ours, as_written, "seed {seed}: {line}");
                 answers += ours.answers.len();
                 planned += usize::from(is_planned(&session, &format!("t{number}w")));

@@ -85,8 +85,17 @@ pub fn lower(rules: &mut Rules, clause: &Clause) -> Result<Lowered, TooManyVaria
     }
     let next = u8::try_from(next).map_err(|_| TooManyVariables)?;
     let known = vec![false; clause.vars.len()];
-    let mut it =
-        Lowering { rules, clause, registers, known, next, most: next, sized: Vec::new(), entry: None, soft: 0 };
+    let mut it = Lowering {
+        rules,
+        clause,
+        registers,
+        known,
+        next,
+        most: next,
+        sized: Vec::new(),
+        entry: None,
+        soft: 0,
+    };
     it.clause()?;
     let most = it.most;
     for at in std::mem::take(&mut it.sized) {
