@@ -345,7 +345,7 @@ impl Tree {
     /// Forgets all places and edits, and keeps the memory.
     pub fn forget(&mut self) {
         self.slots.clear();
-        self.keys = Keys::default();
+        self.keys.forget();
         self.index.clear();
         self.edits.clear();
         self.edits_at.clear();
@@ -360,13 +360,25 @@ impl Tree {
         self.params.clear();
         self.extras.clear();
         self.run += 1;
-        self.fresh_from = self.slots.len as u32;
+        // A root without children is as new as what is made in this run.
+        self.fresh_from = if self.has_children(ROOT) { self.slots.len as u32 } else { ROOT.0 };
         self.records.push(Record::default());
         let root = Record { slot: ROOT, attempt: 1, status: Status::Running, ..Record::default() };
         let rec = RecId(self.records.push(root));
         let slot = self.slots.get_mut(ROOT.0);
         (slot.run, slot.since, slot.rec) = (self.run, rec, rec);
         rec
+    }
+
+    /// The root calls something else in the same run, beside what it has called.
+    pub fn begin_again(&mut self) {
+        if self.has_children(ROOT) {
+            self.retried(RecId(1));
+        }
+    }
+
+    fn has_children(&self, slot: SlotId) -> bool {
+        self.slots.get(slot.0).first != SlotId(0)
     }
 
     /// A tree with the same slots and edits, for a run to begin in.
@@ -625,6 +637,12 @@ impl Tree {
     pub fn args(&self, rec: RecId) -> Vec<Value> {
         let record = self.record(rec);
         (0..u32::from(record.args)).map(|i| self.params.get(record.params + i).clone()).collect()
+    }
+    /// One of the parameters of a record, by its number.
+    #[must_use]
+    pub fn arg(&self, rec: RecId, at: u8) -> Option<&Value> {
+        let record = self.record(rec);
+        (at < record.args).then(|| self.params.get(record.params + u32::from(at)))
     }
     /// How many records this run has made.
     #[must_use]

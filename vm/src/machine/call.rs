@@ -8,7 +8,7 @@ use crate::host::Host;
 use crate::key::{Chain, Key, Ranks, Step};
 use crate::native::{Next, Raise, map_key, type_error};
 use crate::op::{Count, Op};
-use crate::tree::{NodeKind, RecId, Status};
+use crate::tree::{NodeKind, RecId, SlotId, Status};
 use crate::value::{Imm, Obj, Symbol, Value, live};
 
 use super::drive::Call;
@@ -479,19 +479,18 @@ impl Machine {
     }
 
     /// The slot of a call at `site` from the running frame, made if it is new.
-    pub(super) fn slot_of_call(&mut self, site: SiteId, name: Symbol) -> crate::tree::SlotId {
-        self.slot_of(site, name, None)
+    pub(super) fn slot_of_call(&mut self, site: SiteId, name: Symbol) -> SlotId {
+        let way = self.way_to(site);
+        self.slot_on(way, site, name, None)
     }
 
-    /// The same for one of several branches that begin at `site`, one for each round.
-    pub(super) fn slot_of(&mut self, site: SiteId, name: Symbol, round: Option<Step>) -> crate::tree::SlotId {
+    /// The way from the node to the running frame, and the rounds of the loops around `site` in it.
+    pub(super) fn way_to(&mut self, site: SiteId) -> Way {
         let mut calls = std::mem::take(&mut self.top().levels);
         calls.clear();
         let levels = self.levels(calls);
-        let it = &self.program.sites[site.at()];
-        let (counted, dynamic, hash) = (it.counted, it.callee.is_none(), it.hash);
         let program = &self.program;
-        let Some(run) = self.runs.last_mut() else { return crate::tree::ROOT };
+        let run = self.runs.last_mut().expect("a machine has a run");
         let rec = run.record(run.here);
         let mut chain = levels.start;
         let site_hash = |site: SiteId| program.sites[site.at()].hash;
@@ -511,24 +510,35 @@ impl Machine {
             }
         }
         run.levels = levels.calls;
+        Way { rec, chain }
+    }
+
+    /// The slot of a call at `site`, to which a way leads; for one of several branches that begin there, the
+    /// one with the step of its round.
+    pub(super) fn slot_on(&mut self, way: Way, site: SiteId, name: Symbol, round: Option<Step>) -> SlotId {
+        let Way { rec, mut chain } = way;
+        let program = &self.program;
+        let it = &program.sites[site.at()];
+        let run = self.runs.last_mut().expect("a machine has a run");
+        let site_hash = |site: SiteId| program.sites[site.at()].hash;
         if let Some(round) = round {
             chain = run.tree.keys.then(chain, round, site_hash);
         }
-        if dynamic {
+        if it.callee.is_none() {
             chain = run.tree.keys.then(chain, Step::Name(name), site_hash);
         }
-        if counted || run.tree.record(rec).flags & crate::tree::COUNTED != 0 {
-            let it = run.occurrences.entry(rec).or_insert_with(Occurrences::default);
+        if it.counted || run.tree.record(rec).flags & crate::tree::COUNTED != 0 {
+            let reached = run.occurrences.entry(rec).or_insert_with(Occurrences::default);
             let key = Key { site, chain };
-            let count = it.counts.entry(key).or_insert(0);
+            let count = reached.counts.entry(key).or_insert(0);
             let before = *count;
             *count += 1;
-            it.journal.push(key);
+            reached.journal.push(key);
             if before > 0 {
                 chain = run.tree.keys.then(chain, Step::Again(before), site_hash);
             }
         }
-        run.tree.child(rec, Key { site, chain }, name, hash)
+        run.tree.child(rec, Key { site, chain }, name, it.hash)
     }
 
     /// The frames between the running one and its node, innermost first.
@@ -545,7 +555,7 @@ impl Machine {
                 match self.program.functions[function.at()].kind {
                     FnKind::Plan | FnKind::Branch | FnKind::TopLevel => break,
                     FnKind::Inserted => {
-                        start = run.inserted(function);
+                        start = run.inserted.get(&function).copied().unwrap_or_default();
                         break;
                     }
                     FnKind::Function | FnKind::Lambda => {}
@@ -653,7 +663,14 @@ pub(super) fn walkable(value: &Value) -> Result<Value, Raise> {
 /// recursion do not walk it again.
 const MEMO_AFTER: usize = 16;
 
-/// The way from a node to the running frame.
+/// The way from a node to a call in it, without what tells apart the calls of one site.
+#[derive(Clone, Copy)]
+pub(super) struct Way {
+    rec: RecId,
+    chain: Chain,
+}
+
+/// The frames between a node and the running frame.
 struct Levels {
     /// Call site and base of each frame, innermost first.
     calls: Vec<(Option<SiteId>, u32)>,
@@ -692,14 +709,6 @@ impl Run {
             self.memos.push((rec, chain));
         }
         Here(at | MEMO)
-    }
-
-    /// The chain that calls in inserted code start with.
-    fn inserted(&self, function: FnId) -> Chain {
-        match self.edit_of.get(&function) {
-            Some(id) => self.tree.keys.find(Chain::EMPTY, &Step::Edit(*id)).unwrap_or_default(),
-            None => Chain::EMPTY,
-        }
     }
 }
 

@@ -110,7 +110,7 @@ impl Run {
             Some(Driver::Body(Layer { number, rec, .. })) if *number > 0 => {
                 InsertedCode::Replace(*number, *rec)
             }
-            None => return self.tasks.get(self.tasks.loaded).origin.as_deref().cloned(),
+            None => return self.fork_of(self.tasks.loaded)?.origin.as_deref().cloned(),
             _ => return None,
         };
         let call = self.drivers.iter().rev().find_map(|driver| match driver {

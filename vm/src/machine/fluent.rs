@@ -305,18 +305,18 @@ impl Machine {
         run.tasks.wait(Waits::Join);
         let waiting = run.tasks.loaded;
         let token = run.tasks.get(waiting).token;
-        run.tasks.get_mut(id).joiners.push((waiting, token));
+        run.tasks.get_mut(id).add_joiner(waiting, token);
         Ok(Some(Exit::Wait))
     }
 
     fn status_fluent(&mut self, id: TaskId) -> Value {
         let word = self.top().status_word(id);
-        if let Some(status) = &self.top().tasks.get(id).status {
+        if let Some(status) = self.top().tasks.get(id).status() {
             return status.clone();
         }
         let fluent = Fluent::new(self.number(), Value::symbol(word));
         let fluent = Value::new(Obj::Fluent(Box::new(fluent)));
-        self.top().tasks.get_mut(id).status = Some(fluent.clone());
+        self.top().tasks.get_mut(id).show_status(fluent.clone());
         fluent
     }
 
@@ -324,7 +324,7 @@ impl Machine {
     /// of the root.
     pub(super) fn status_changed(&mut self, host: &mut dyn Host, id: TaskId) {
         let run = self.top();
-        let Some(status) = run.tasks.get(id).status.clone() else { return };
+        let Some(status) = run.tasks.get(id).status().cloned() else { return };
         let word = Value::symbol(run.status_word(id));
         if let Err(raise) = self.set_fluent(host, &status, word) {
             let tasks = &mut self.top().tasks;

@@ -115,8 +115,8 @@ struct Run {
     draws: Draws,
     /// Memory for walks over frames.
     levels: Vec<(Option<crate::code::SiteId>, u32)>,
-    /// The edit that each piece of inserted code belongs to.
-    edit_of: FxHashMap<FnId, u32>,
+    /// The chain that the keys of calls in each piece of inserted code begin with.
+    inserted: FxHashMap<FnId, Chain>,
     /// What is owed, in the order of its making.
     obligations: Vec<obligation::Obligation>,
     /// Clean-ups that are running, innermost last.
@@ -138,10 +138,10 @@ struct Run {
 impl Run {
     fn new(mut tree: Tree, traced: bool) -> Run {
         let root = tree.begin();
-        let edit_of: FxHashMap<FnId, u32> =
-            (1..).zip(&tree.edits).filter_map(|(id, edit)| Some((edit.code?, id))).collect();
-        for id in 1..=tree.edits.len() as u32 {
-            tree.keys.then(Chain::EMPTY, Step::Edit(id), |_| 0);
+        let mut inserted = FxHashMap::default();
+        for (id, edit) in (1..).zip(&tree.edits) {
+            let chain = tree.keys.then(Chain::EMPTY, Step::Edit(id), |_| 0);
+            inserted.extend(edit.code.map(|code| (code, chain)));
         }
         Run {
             tasks: Tasks::new(root),
@@ -158,7 +158,7 @@ impl Run {
             occurrences: FxHashMap::default(),
             draws: Draws::default(),
             levels: Vec::new(),
-            edit_of,
+            inserted,
             obligations: Vec::new(),
             handling: Vec::new(),
             cleanups: Vec::new(),
@@ -308,6 +308,7 @@ impl Machine {
         self.globals.resize(self.program.globals.len(), Value::UNSET);
         self.last_fuel = false;
         let run = self.bottom();
+        run.tree.begin_again();
         run.tasks = Tasks::new(RecId(1));
         run.frames.clear();
         run.drivers.clear();

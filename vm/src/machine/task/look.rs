@@ -21,14 +21,13 @@ impl Machine {
         let open = all.filter(|(_, task)| task.state != State::Ended && task.rec != RecId(0));
         open.map(|(at, task)| {
             let id = TaskId(at as u32);
-            let here = task.parked.as_ref().map_or(run.here, |parked| parked.here);
             let what = match task.state {
                 _ if run.is_held(id) => "is suspended".to_string(),
                 State::Waiting(waits) => format!("waits for {}", waits.word()),
                 _ if run.tasks.running && run.tasks.loaded == id => "runs".to_string(),
                 _ => "is ready".to_string(),
             };
-            (Path::of(&run.tree, run.tree.record(run.record(here)).slot), what)
+            (Path::of(&run.tree, run.tree.record(run.record(run.here_of(id))).slot), what)
         })
         .collect()
     }
@@ -48,8 +47,8 @@ impl Machine {
         for run in &self.runs {
             let used = run.base as usize + 256;
             run.stack.iter().take(used).for_each(|value| add(None, value));
-            let parked = run.tasks.all.iter().filter_map(|task| task.parked.as_ref());
-            parked.flat_map(|it| &it.registers).for_each(|value| add(None, value));
+            let all = (0..run.tasks.all.len() as u32).map(TaskId);
+            all.flat_map(|id| run.values_of(id)).for_each(|value| add(None, &value));
         }
         found.into_values().collect()
     }

@@ -87,7 +87,7 @@ impl Machine {
     /// The call of a branch with edits.
     fn begin_edited(&mut self, host: &mut dyn Host) -> Option<Exit> {
         let run = self.top();
-        let call = run.tasks.get_mut(run.tasks.loaded).begins_with.take()?;
+        let call = run.tasks.get_mut(run.tasks.loaded).rare.as_mut()?.begins_with.take()?;
         match self.drive(host, 0, *call) {
             Ok(exit) => exit,
             Err(raise) => self.unwind(host, raise),
@@ -137,7 +137,8 @@ impl Machine {
         run.leaving = None;
         run.handling.clear();
         run.cleanups.clear();
-        for (waiting, token) in std::mem::take(&mut run.tasks.get_mut(id).joiners) {
+        let joiners = run.tasks.get_mut(id).rare.as_mut().map(|it| std::mem::take(&mut it.joiners));
+        for (waiting, token) in joiners.unwrap_or_default() {
             if run.tasks.is_waiting(waiting, token) {
                 run.tasks.make_ready(waiting);
             }
@@ -284,8 +285,7 @@ impl Machine {
                 State::Ready if run.tasks.held.contains(&id) => "is suspended".to_string(),
                 _ => continue,
             };
-            let here = task.parked.as_ref().map_or(run.here, |parked| parked.here);
-            let path = Path::of(&run.tree, run.tree.record(run.record(here)).slot);
+            let path = Path::of(&run.tree, run.tree.record(run.record(run.here_of(id))).slot);
             lines.push(format!("{} {what}", path.show()));
         }
         let waits = Value::list(lines.iter().map(|line| Value::str(line.as_str())).collect::<Vec<_>>());
