@@ -24,8 +24,9 @@ pub enum Element {
     Int(i64),
     /// A symbol.
     Symbol(Symbol),
-    /// Any other value that prints as text that reads back, as that text.
-    Text(Rc<str>),
+    /// Any other value that prints as text that reads back, as that text. (Behind a thin pointer: there are
+    /// many steps.)
+    Text(Rc<Box<str>>),
 }
 
 impl Element {
@@ -35,7 +36,7 @@ impl Element {
         match value {
             Value::Imm(Imm::Int(i)) => Some(Element::Int(*i)),
             Value::Imm(Imm::Symbol(name)) => Some(Element::Symbol(*name)),
-            _ if is_storable(value) => Some(Element::Text(crate::print::write(value).into())),
+            _ if is_storable(value) => Some(Element::Text(Rc::new(crate::print::write(value).into()))),
             _ => None,
         }
     }
@@ -146,6 +147,9 @@ struct Link {
     step: Step,
     hash: u64,
 }
+
+/// A branch has a link of its own.
+const _: () = assert!(size_of::<Link>() <= 40);
 
 impl Default for Keys {
     fn default() -> Keys {

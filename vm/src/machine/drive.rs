@@ -221,7 +221,7 @@ impl Machine {
         run.deliver = deliver;
         // The plan returns to a frame without instructions: its value ends the run.
         run.pc = RESUME;
-        self.runs.push(run);
+        self.runs.push(Box::new(run));
         let name = self.program.functions[function.at()].name;
         let slot = self.slot_of_call(SiteId(0), name);
         self.top().tree.calls(slot, function);

@@ -172,6 +172,8 @@ impl Machine {
         if it.derived.is_some() {
             return Err(type_error("a fluent that is not computed from others", fluent));
         }
+        let Some(woken) = it.set(value) else { return Ok(()) };
+        self.wake(woken);
         let mut todo: BTreeMap<(u32, u64), Value> = BTreeMap::new();
         let mut failed = None;
         let later = |todo: &mut BTreeMap<_, _>, changed: &Fluent| {
@@ -181,10 +183,7 @@ impl Machine {
                 }
             }
         };
-        if let Some(woken) = it.set(value) {
-            self.wake(woken);
-            later(&mut todo, it);
-        }
+        later(&mut todo, it);
         while let Some((_, fluent)) = todo.pop_first() {
             let it = fluent_of(&fluent)?;
             let Some(derived) = &it.derived else { continue };
@@ -211,7 +210,7 @@ impl Machine {
             let Some(run) = self.runs.iter_mut().find(|run| run.number == waiter.run) else { continue };
             let id = TaskId(waiter.task);
             if run.stands(&waiter) {
-                run.set_register(id, waiter.register, value);
+                run.set_register(id, waiter.register as usize, value);
                 run.tasks.make_ready(id);
             }
         }
@@ -229,7 +228,7 @@ impl Machine {
             None => run.tasks.wait(Waits::Fluent),
         }
         let id = run.tasks.loaded;
-        let register = run.base as usize + d as usize;
+        let register = run.base + u32::from(d);
         let waiter = Waiter { run: run.number, task: id.0, token: run.tasks.get(id).token, register, until };
         it.wait(waiter, |other| other.run == run.number && run.stands(other));
         Ok(Some(Exit::Wait))
@@ -242,7 +241,7 @@ impl Machine {
         run.frames.clear();
         (run.pc, run.base, run.here) = (RESUME, 0, Here(1));
         let depth = self.runs.len();
-        self.runs.push(*run);
+        self.runs.push(run);
         let mut left = FUEL;
         let exit = match self.call_value(host, 0, crate::code::SiteId(0), function, Vec::new()) {
             Ok(Some(exit)) => exit,
@@ -254,7 +253,7 @@ impl Machine {
         self.steps += FUEL - left;
         self.top().tasks.in_turn += FUEL - left;
         let has_nodes = run.as_ref().is_some_and(|run| run.tree.len() > 1);
-        self.scratch = run.filter(|_| !has_nodes && matches!(exit, Exit::Done(_))).map(Box::new);
+        self.scratch = run.filter(|_| !has_nodes && matches!(exit, Exit::Done(_)));
         let refused = |what: &str| {
             let message = format!("an expression over fluents {what}");
             Box::new(Failure::new(Builtin::ProgramError, message))
@@ -328,7 +327,7 @@ impl Machine {
         let word = Value::symbol(run.status_word(id));
         if let Err(raise) = self.set_fluent(host, &status, word) {
             let tasks = &mut self.top().tasks;
-            tasks.get_mut(TaskId::ROOT).raise = Some(raise);
+            tasks.get_mut(TaskId::ROOT).will_raise(raise);
             tasks.make_ready(TaskId::ROOT);
         }
     }

@@ -182,7 +182,7 @@ pub(super) fn run<const OWES: bool>(
                     frames.len(),
                     run.now,
                     cleanups.last(),
-                    tasks.get(task).limit,
+                    tasks.get(task).limit(),
                 )),
                 Op::Jump(t) => jump!(t),
                 Op::Loop(t) => {

@@ -217,7 +217,8 @@ pub struct Machine {
     /// What came from outside.
     pub log: Log,
     globals: Vec<Value>,
-    runs: Vec<Run>,
+    /// Innermost last. (In boxes: one is put on top for each computation of a fluent.)
+    runs: Vec<Box<Run>>,
     /// Fuel used so far.
     steps: u64,
     round: u64,
@@ -260,7 +261,7 @@ impl Machine {
             schedule: 0,
             log: Log::default(),
             globals: Vec::new(),
-            runs: vec![Run::new(Tree::default(), false)],
+            runs: vec![Box::new(Run::new(Tree::default(), false))],
             steps: 0,
             round: 0,
             printed: 0,
@@ -495,7 +496,7 @@ impl Machine {
     }
 
     fn bytes(&self) -> usize {
-        live::bytes() + self.runs.iter().map(Run::bytes).sum::<usize>()
+        live::bytes() + self.runs.iter().map(|run| run.bytes()).sum::<usize>()
     }
 
     fn nodes(&self) -> usize {

@@ -69,12 +69,8 @@ pub(in crate::machine) struct Task {
     has_begun: bool,
     /// It stands before an instruction that is not done, not behind a call.
     mid: bool,
-    /// When the time of the clean-up is over that it is part of.
-    pub limit: u64,
     /// Tells this wait from all others of the run.
     pub token: u64,
-    /// What its next turn begins with.
-    pub raise: Option<Raise>,
     /// Its registers and frames, if it has had a turn and is not loaded.
     parked: Option<Box<Parked>>,
     rare: Option<Box<Rare>>,
@@ -83,11 +79,15 @@ pub(in crate::machine) struct Task {
 }
 
 /// There may be many tasks.
-const _: () = assert!(size_of::<Task>() <= 112);
+const _: () = assert!(size_of::<Task>() <= 96);
 
 /// What few tasks have.
 #[derive(Default)]
 struct Rare {
+    /// When the time of the clean-up is over that it is part of.
+    limit: Option<u64>,
+    /// What its next turn begins with.
+    raise: Option<Raise>,
     /// Its status as a fluent, if somebody has asked for that.
     status: Option<Value>,
     /// Who waits for its end.
@@ -271,19 +271,17 @@ impl Tasks {
         self.all.len() * task
     }
 
-    /// The branches of a form that begins: so many tasks of the loaded one, in a row. They wait until they
-    /// are started. Those without end have time until `limit`.
+    /// The branches of a form that begins: tasks of the loaded one, in a row. They wait until they are
+    /// started. In a clean-up they have time until `limit`.
     pub(in crate::machine) fn add_branches(&mut self, slots: &[SlotId], limit: Option<u64>) -> Range<u32> {
         let parent = self.loaded;
-        let (depth, outer) = (self.get(parent).depth + 1, self.get(parent).limit);
-        let limit = limit.unwrap_or(outer);
+        let depth = self.get(parent).depth + 1;
+        let limit = limit.or(self.get(parent).limit());
         let first = self.all.len() as u32;
-        self.all.extend(
-            slots
-                .iter()
-                .zip(0..)
-                .map(|(slot, ordinal)| Task { limit, ..Task::new(*slot, RecId(0), parent, ordinal, depth) }),
-        );
+        self.all.extend(slots.iter().zip(0..).map(|(slot, ordinal)| {
+            let rare = limit.map(|_| Box::new(Rare { limit, ..Rare::default() }));
+            Task { rare, ..Task::new(*slot, RecId(0), parent, ordinal, depth) }
+        }));
         first..self.all.len() as u32
     }
 
@@ -347,7 +345,7 @@ impl Tasks {
         while self.next_timer().is_some_and(|at| at <= now) {
             if let Some(Reverse(timer)) = self.timers.pop() {
                 if timer.ends_clean_up {
-                    self.get_mut(timer.task).raise = Some(super::cleanup::too_long());
+                    self.get_mut(timer.task).will_raise(super::cleanup::too_long());
                 }
                 self.make_ready(timer.task);
             }
@@ -390,9 +388,7 @@ impl Task {
             thrown: false,
             has_begun: false,
             mid: false,
-            limit: u64::MAX,
             token: 0,
-            raise: None,
             parked: None,
             rare: None,
             end: None,
@@ -401,6 +397,16 @@ impl Task {
 
     fn rare_mut(&mut self) -> &mut Rare {
         self.rare.get_or_insert_default()
+    }
+
+    /// When the time of the clean-up is over that it is part of.
+    pub(in crate::machine) fn limit(&self) -> Option<u64> {
+        self.rare.as_ref()?.limit
+    }
+
+    /// Its next turn begins with a failure.
+    pub(in crate::machine) fn will_raise(&mut self, raise: Raise) {
+        self.rare_mut().raise = Some(raise);
     }
 
     /// Its status as a fluent, if somebody has asked for that.

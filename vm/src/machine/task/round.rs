@@ -62,7 +62,7 @@ impl Machine {
         let run = self.top();
         let task = run.tasks.get_mut(run.tasks.loaded);
         let (mid, has_begun) = (std::mem::take(&mut task.mid), std::mem::replace(&mut task.has_begun, true));
-        let (rec, raise) = (task.rec, task.raise.take());
+        let (rec, raise) = (task.rec, task.rare.as_mut().and_then(|it| it.raise.take()));
         if let (false, Some(why)) = (has_begun, task.evaporate) {
             // It has a record nevertheless, which begins and ends now.
             task.thrown = true;
@@ -227,7 +227,7 @@ impl Machine {
             let run = self.top();
             match entry.answer {
                 Ok(answer) => run.set_register(id, register, from_json(&answer)),
-                Err(why) => run.tasks.get_mut(id).raise = Some(no_answer(&request, why)),
+                Err(why) => run.tasks.get_mut(id).will_raise(no_answer(&request, why)),
             }
             run.tasks.make_ready(id);
         }
@@ -273,7 +273,7 @@ impl Machine {
             .map(|(id, _)| id)
             .find(|id| run.is_cleaning_up(*id));
         if let Some(id) = stuck {
-            run.tasks.get_mut(id).raise = Some(too_long());
+            run.tasks.get_mut(id).will_raise(too_long());
             run.tasks.make_ready(id);
             return None;
         }
