@@ -192,9 +192,15 @@ fn plans(wanted: &dyn Fn(&str) -> bool) {
     edited(wanted);
 }
 
-/// The same plan calls with edits at some of the slots, that change nothing.
+/// Plan calls in a copy of a tree, with edits of a parameter at some of the slots.
 fn edited(wanted: &dyn Fn(&str) -> bool) {
-    for (name, every) in [("plan/edits-at-1-percent", 100), ("plan/edits-everywhere", 1)] {
+    let workloads = [
+        ("plan/edits-nowhere", None, "i", "copying the tree included, as in those that follow"),
+        ("plan/edits-at-1-percent", Some(100), "i", "same value"),
+        ("plan/edits-everywhere", Some(1), "i", "same value, must + 20 ns"),
+        ("plan/edits-other-value", Some(1), "(+ i 1)", "another value, must + 20 ns"),
+    ];
+    for (name, every, value, note) in workloads {
         if !wanted(name) {
             continue;
         }
@@ -202,11 +208,12 @@ fn edited(wanted: &dyn Fn(&str) -> bool) {
             "{PLANS}
              (def-plan main ()
                (let* ((tree (run-plan rounds :args '(10000)))
-                      (edits (map (lambda (i) (with-param (make-path (list 'rounds (list 'leaf (+ 1 (* {every} i))))) :i i))
+                      (edits (map (lambda (i) (with-param (make-path (list 'rounds (list 'leaf (+ 1 (* {} i))))) :i {value}))
                                   (range 0 {}))))
                  (edit-tree tree edits)))
              (def-plan again (tree) (run-plan rounds :args '(10000) :tree tree))",
-            10_000 / every
+            every.unwrap_or(0),
+            every.map_or(0, |every| 10_000 / every)
         );
         let mut program = Program::new(&text, "main");
         let tree = program.run(&[]).0;
@@ -217,7 +224,7 @@ fn edited(wanted: &dyn Fn(&str) -> bool) {
             program.session.call(again, vec![tree.clone()], &mut String::new()).expect("it succeeds");
             times.push(ns(start.elapsed()));
         }
-        line(name, median(times) / 10_000.0, "call", "(copying the tree included)");
+        line(name, median(times) / 10_000.0, "call", &format!("({note})"));
     }
 }
 

@@ -444,9 +444,11 @@ impl<'p> Oracle<'p> {
         let mut rec = call.rec;
         if self.run.tree.records[rec].status.is_final() {
             let first = self.run.tree.records[rec].clone();
-            rec = self.run.tree.enter(call.here.rec, call.slot, first.kind, call.args.clone(), self.run.now);
+            let (written, args) = (first.written.clone(), call.args.clone());
+            let entered = written.as_ref().unwrap_or(&args).clone();
+            rec = self.run.tree.enter(call.here.rec, call.slot, first.kind, entered, self.run.now);
             let it = &mut self.run.tree.records[rec];
-            (it.written, it.performed_in) = (first.written, first.performed_in);
+            (it.args, it.written, it.performed_in) = (args, written, first.performed_in);
         }
         let replaces = self.edits_of(call, |what| matches!(what, What::Replace(_))).len();
         self.run.bodies.push((rec, call.clone()));

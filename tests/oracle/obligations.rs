@@ -454,9 +454,10 @@ impl<'p> Oracle<'p> {
     fn again(&mut self, owed: &Obligation<'p>) -> usize {
         let old = self.run.tree.records[owed.rec].clone();
         let parent = old.parent.expect("only the root has no parent");
-        let rec = self.run.tree.enter(parent, owed.slot, old.kind, old.args, self.run.now);
+        let entered = old.written.as_ref().unwrap_or(&old.args).clone();
+        let rec = self.run.tree.enter(parent, owed.slot, old.kind, entered, self.run.now);
         let it = &mut self.run.tree.records[rec];
-        (it.written, it.performed_in) = (old.written, old.performed_in);
+        (it.args, it.written, it.performed_in) = (old.args, old.written, old.performed_in);
         rec
     }
 

@@ -11,7 +11,8 @@ use crate::op::{Count, Op};
 use crate::tree::{NodeKind, RecId, SlotId, Status};
 use crate::value::{Imm, Obj, Symbol, Value, live};
 
-use super::drive::Call;
+use super::drive::{Body, Call};
+use super::edited::Edited;
 use super::{Ctx, CtxParts, Exit, Frame, Here, MEMO, Machine, Occurrences, RESUME, Run, hot};
 
 /// The site of calls that stand in no source: the plan of `run-plan`.
@@ -49,6 +50,11 @@ impl Machine {
             };
             let raise = match out {
                 hot::Out::Due => match self.perform_due(host) {
+                    Ok(None) => continue,
+                    Ok(Some(exit)) => return exit,
+                    Err(raise) => raise,
+                },
+                hot::Out::Edited(op, slot) => match self.call_edited(host, op, slot) {
                     Ok(None) => continue,
                     Ok(Some(exit)) => return exit,
                     Err(raise) => raise,
@@ -457,7 +463,7 @@ impl Machine {
         d: u8,
         site: SiteId,
         callee: FnId,
-        args: Vec<Value>,
+        mut args: Vec<Value>,
     ) -> Slow {
         let name = self.program.functions[callee.at()].name;
         let slot = self.slot_of_call(site, name);
@@ -467,14 +473,31 @@ impl Machine {
             run.tree.calls(slot, callee);
         }
         let parent = run.record(run.here);
-        if run.tree.edits_of(slot).is_empty() {
-            let rec = run.tree.enter(parent, slot, NodeKind::Plan, &args, run.now);
-            run.note_late(rec);
-            self.trace_start(host, rec);
-            self.enter(d, callee, args, &[]);
-            self.top().here = Here(rec.0);
-            return Ok(None);
+        let run = &self.runs[self.runs.len() - 1];
+        let edited = Edited { program: &self.program, tree: &run.tree, slot, body: Body::Plan(callee) };
+        if !edited.only_changes_params(&args) {
+            return self.drive(host, d, Call::of_plan(slot, parent, callee, args));
         }
+        let run = self.top();
+        let rec = run.tree.enter(parent, slot, NodeKind::Plan, &args, run.now);
+        run.note_late(rec);
+        self.trace_start(host, rec);
+        let Machine { program, runs, .. } = self;
+        let tree = &mut runs.last_mut().expect("a machine has a run").tree;
+        hot::change_params(program, tree, rec, callee, &mut args);
+        self.enter(d, callee, args, &[]);
+        self.top().here = Here(rec.0);
+        Ok(None)
+    }
+
+    /// A call of a plan at this slot, from its node, that edits drive.
+    fn call_edited(&mut self, host: &mut dyn Host, op: Op, slot: SlotId) -> Slow {
+        let Op::CallPlan(d, w, site) = op else { return Ok(None) };
+        let site = &self.program.sites[site.at()];
+        let Some(callee) = site.callee else { return Ok(None) };
+        let args = self.registers(w, site.args).to_vec();
+        let run = self.top();
+        let parent = run.record(run.here);
         self.drive(host, d, Call::of_plan(slot, parent, callee, args))
     }
 

@@ -5,7 +5,7 @@
 //! changes a run from outside, so its log replays to the same tree.
 //!
 //! [`hot`] is the loop; [`call`] what calls need beyond a frame; [`drive`] calls that take
-//! several steps (goals, grounding, edits); [`unwind`] how failures find their handlers, [`cleanup`]
+//! several steps (goals, grounding, edits), [`edited`] which edits hold; [`unwind`] how failures find their handlers, [`cleanup`]
 //! the time that clean-ups have; [`edits`] adds edits to a tree, [`obligation`] does what is put off;
 //! [`task`] gives tasks their turns, [`fork`] begins and ends them, [`fluent`] wakes them.
 //!
@@ -18,6 +18,7 @@
 mod call;
 mod cleanup;
 mod drive;
+mod edited;
 mod edits;
 mod fluent;
 mod fork;
@@ -139,7 +140,7 @@ impl Run {
     fn new(mut tree: Tree, traced: bool) -> Run {
         let root = tree.begin();
         let mut inserted = FxHashMap::default();
-        for (id, edit) in (1..).zip(&tree.edits) {
+        for (id, edit) in (1..).zip(tree.edits.iter()) {
             let chain = tree.keys.then(Chain::EMPTY, Step::Edit(id), |_| 0);
             inserted.extend(edit.code.map(|code| (code, chain)));
         }
