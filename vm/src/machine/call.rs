@@ -484,7 +484,9 @@ impl Machine {
         self.trace_start(host, rec);
         let Machine { program, runs, .. } = self;
         let tree = &mut runs.last_mut().expect("a machine has a run").tree;
-        hot::change_params(program, tree, rec, callee, &mut args);
+        if !tree.edits_of(slot).is_empty() {
+            hot::change_params(program, tree, (rec, slot), callee, &mut args);
+        }
         self.enter(d, callee, args, &[]);
         self.top().here = Here(rec.0);
         Ok(None)
@@ -623,7 +625,9 @@ impl Machine {
         let run = self.top();
         let now = run.now;
         run.tree.end(rec, status, value, now);
-        run.occurrences.remove(&rec);
+        if !run.occurrences.is_empty() {
+            run.occurrences.remove(&rec);
+        }
         if self.tells && self.runs.len() == 1 {
             let run = &self.runs[self.runs.len() - 1];
             host.trace(&crate::show::trace_end(&self.program, &run.tree, rec));

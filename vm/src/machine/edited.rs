@@ -24,6 +24,7 @@ impl<'m> Edited<'m> {
 
     /// True if all edits hold for a call with these arguments and do no more than change parameters. Such a
     /// call is made like any other.
+    #[inline]
     pub(super) fn only_changes_params(&self, args: &[Value]) -> bool {
         self.edits().all(|(_, accepted)| {
             matches!(accepted.edit.what, What::WithParam(..)) && self.problem(accepted, args).is_none()
@@ -31,8 +32,8 @@ impl<'m> Edited<'m> {
     }
 
     /// Why an edit does not hold for a call as made, if it does not.
+    #[inline]
     pub(super) fn problem(&self, accepted: &Accepted, args: &[Value]) -> Option<String> {
-        let word = accepted.edit.word();
         let callee = match self.body {
             Body::Plan(function) => self.program.functions[function.at()].name,
             Body::Action | Body::Branch(_) => self.tree.slot(self.slot).name,
@@ -41,26 +42,24 @@ impl<'m> Edited<'m> {
             matches!((self.body, accepted.plan), (Body::Plan(now), Some(then)) if now != then);
         if callee != accepted.callee || is_other_plan {
             return Some(format!(
-                "{word} not applied: it was made for `{}`, the call is of `{callee}`",
+                "{} not applied: it was made for `{}`, the call is of `{callee}`",
+                accepted.edit.word(),
                 accepted.callee
             ));
         }
-        for (key, wanted) in &accepted.edit.guard {
+        let refusing = accepted.edit.guard.iter().find(|(key, wanted)| {
             let actual = self.param(args, *key);
-            let same = actual
-                .as_ref()
-                .is_some_and(|actual| crate::value::equal(actual, wanted, 100_000) == Some(true));
-            if !same {
-                let given = actual.filter(|value| !value.is_unset());
-                let has = given.map(|value| format!("has {}", crate::print::brief(&value)));
-                return Some(format!(
-                    "{word} not applied: its guard wants :{key} {}, the call {}",
-                    crate::print::brief(wanted),
-                    has.as_deref().unwrap_or("does not give it")
-                ));
-            }
-        }
-        None
+            !actual.is_some_and(|actual| crate::value::equal(&actual, wanted, 100_000) == Some(true))
+        });
+        let (key, wanted) = refusing?;
+        let given = self.param(args, *key).filter(|value| !value.is_unset());
+        let has = given.map(|value| format!("has {}", crate::print::brief(&value)));
+        Some(format!(
+            "{} not applied: its guard wants :{key} {}, the call {}",
+            accepted.edit.word(),
+            crate::print::brief(wanted),
+            has.as_deref().unwrap_or("does not give it")
+        ))
     }
 
     /// A parameter of a plan by name, or a property of a performed description.
@@ -79,12 +78,13 @@ impl<'m> Edited<'m> {
     }
 
     /// Gives a parameter the value that an edit says, if it says one.
+    #[inline]
     pub(super) fn change_param(&self, edit: &Edit, args: &mut [Value]) {
         let What::WithParam(key, value) = &edit.what else { return };
         match self.body {
             Body::Plan(_) => {
                 if let Some(arg) = self.place_of(*key).and_then(|at| args.get_mut(at)) {
-                    *arg = value.clone();
+                    arg.clone_from(value);
                 }
             }
             Body::Action => {
@@ -99,6 +99,7 @@ impl<'m> Edited<'m> {
     }
 
     /// Gives parameters the values that all edits say.
+    #[inline]
     pub(super) fn change_params(&self, args: &mut [Value]) {
         self.edits().for_each(|(_, accepted)| self.change_param(&accepted.edit, args));
     }

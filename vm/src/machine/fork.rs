@@ -12,7 +12,7 @@ use crate::host::Host;
 use crate::key::{Rounds, Step};
 use crate::native::{Raise, type_error};
 use crate::op::Count;
-use crate::tree::{DRIVEN, NodeKind, RecId, SlotId, Status, Tree, Why};
+use crate::tree::{DRIVEN, NodeKind, RecId, Status, Why};
 use crate::value::{Imm, Obj, Value};
 
 use super::call::{Slow, Way};
@@ -106,25 +106,24 @@ impl Machine {
         let code = (0..n.0).map(|i| self.code_of_branch(self.reg(w.wrapping_add(2 + i))));
         let code = code.collect::<Result<Vec<Code>, Raise>>()?;
         let elements = if kind.is_loop() { super::call::walkable(&extra)? } else { Value::NIL };
-        let way = self.way_to(site);
-        let mut slots = Vec::new();
-        if kind.is_loop() {
-            let count = elements.iter().count();
-            slots.reserve_exact(count);
-            let mut rounds = Rounds::with_capacity(count);
-            for element in elements.iter() {
-                slots.push(self.slot_of_branch(way, site, Some(rounds.next(element))));
-            }
-        } else {
-            slots.extend((0..n.0.into()).map(|i| self.slot_of_branch(way, SiteId(site.0 + i), None)));
-        }
-        let run = self.top();
         let deadline = match kind {
-            ForkKind::WithTimeout => Some(run.now.saturating_add(nanoseconds(&extra)?)),
+            ForkKind::WithTimeout => Some(self.top().now.saturating_add(nanoseconds(&extra)?)),
             _ => None,
         };
-        let limit = run.cleanups.last().map(CleanUp::deadline);
-        let branches = run.tasks.add_branches(&slots, limit);
+        let way = self.way_to(site);
+        let first = self.top().tasks.count();
+        if kind.is_loop() {
+            let count = elements.iter().count();
+            self.top().tasks.reserve(count);
+            let mut rounds = Rounds::with_capacity(count);
+            for element in elements.iter() {
+                self.add_branch(way, site, Some(rounds.next(element)));
+            }
+        } else {
+            (0..n.0.into()).for_each(|i| self.add_branch(way, SiteId(site.0 + i), None));
+        }
+        let run = self.top();
+        let branches = first..run.tasks.count();
         let (tags, edges) = match kind {
             ForkKind::ParLoop | ForkKind::TryEach | ForkKind::WithTimeout => (Vec::new(), Vec::new()),
             _ => tags_and_edges(&extra),
@@ -149,9 +148,13 @@ impl Machine {
         Ok(Code { function, entry, closure: closure.clone() })
     }
 
-    fn slot_of_branch(&mut self, way: Way, site: SiteId, round: Option<Step>) -> SlotId {
+    /// A new branch of the running task. It waits until it is started.
+    fn add_branch(&mut self, way: Way, site: SiteId, round: Option<Step>) {
         let name = self.program.sites[site.at()].name;
-        self.slot_on(way, site, name, round)
+        let slot = self.slot_on(way, site, name, round);
+        let run = self.top();
+        let limit = run.cleanups.last().map(CleanUp::deadline);
+        run.tasks.add(slot, limit);
     }
 
     fn branches(&self, fork: &Fork) -> &[Task] {
@@ -240,9 +243,9 @@ impl Machine {
     }
 
     fn start_branches(&mut self, host: &mut dyn Host, fork: &mut Fork) {
-        for (ordinal, id) in fork.branches.clone().map(TaskId).enumerate() {
+        for (at, id) in fork.branches.clone().map(TaskId).enumerate() {
             let branches = self.branches(fork);
-            if branches[ordinal].rec != RecId(0) || !fork.may_start(branches, ordinal) {
+            if branches[at].rec != RecId(0) || !fork.may_start(branches, at) {
                 continue;
             }
             fork.open += 1;
@@ -259,8 +262,7 @@ impl Machine {
 
     fn start_branch(&mut self, host: &mut dyn Host, fork: &Fork, id: TaskId, element: Option<Value>) {
         let run = self.top();
-        let task = run.tasks.get(id);
-        let (slot, function) = (task.slot, fork.code_of(task).function);
+        let (slot, function) = (run.tasks.get(id).slot, fork.code_of(id).function);
         let parent = run.record(run.here);
         run.tree.calls(slot, function);
         if run.tree.edits_of(slot).is_empty() {
@@ -270,7 +272,7 @@ impl Machine {
             run.tasks.start(id, rec);
             self.trace_start(host, rec);
         } else {
-            let values = fork.values_of(task, element.as_ref()).cloned().collect();
+            let values = fork.values_of(id, element.as_ref()).cloned().collect();
             let mut call = Call::of_branch(slot, parent, function, values);
             call.rec = self.record_of_call(host, &call);
             let tasks = &mut self.top().tasks;
@@ -383,32 +385,33 @@ impl Machine {
 }
 
 impl Fork {
-    fn code_of(&self, branch: &Task) -> &Code {
-        &self.code[if self.kind.is_loop() { 0 } else { branch.ordinal as usize }]
+    fn code_of(&self, id: TaskId) -> &Code {
+        let at = if self.kind.is_loop() { 0 } else { id.0 - self.branches.start };
+        &self.code[at as usize]
     }
 
     /// Where the code of a branch begins.
-    pub(super) fn entry_of(&self, branch: &Task) -> u32 {
-        self.code_of(branch).entry
+    pub(super) fn entry_of(&self, id: TaskId) -> u32 {
+        self.code_of(id).entry
     }
 
-    /// Puts what a branch begins with into the first registers. The element of its round is the parameter of
-    /// its record.
-    pub(super) fn fill(&self, registers: &mut [Value], branch: &Task, tree: &Tree) {
+    /// Puts what a branch begins with into the first registers.
+    pub(super) fn fill(&self, registers: &mut [Value], id: TaskId, element: Option<&Value>) {
         let mut at = 0;
-        self.values_of(branch, tree.arg(branch.rec, 0)).for_each(|value| {
+        self.values_of(id, element).for_each(|value| {
             registers[at] = value.clone();
             at += 1;
         });
     }
 
-    /// What a branch begins with: arguments, then what its function captured.
+    /// What a branch begins with: arguments, which are the tasks that have names and the element of its round
+    /// (the parameter of its record), then what its function captured.
     pub(super) fn values_of<'f>(
         &'f self,
-        branch: &Task,
+        id: TaskId,
         element: Option<&'f Value>,
     ) -> impl Iterator<Item = &'f Value> + use<'f> {
-        let captured = match self.code_of(branch).closure.obj() {
+        let captured = match self.code_of(id).closure.obj() {
             Some(Obj::Closure(_, captured)) => &captured[..],
             _ => &[],
         };

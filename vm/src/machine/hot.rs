@@ -316,7 +316,7 @@ pub(super) fn run<const OWES: bool>(
                     push!(d);
                     let rec = tree.enter(RecId(here.0), slot, NodeKind::Plan, args, run.now);
                     if is_edited {
-                        change_params(program, tree, rec, callee, args);
+                        change_params(program, tree, (rec, slot), callee, args);
                     }
                     here = Here(rec.0);
                     base += window as usize;
@@ -426,11 +426,10 @@ fn only_changes_params(program: &Program, tree: &Tree, slot: SlotId, callee: FnI
 pub(super) fn change_params(
     program: &Program,
     tree: &mut Tree,
-    rec: RecId,
+    (rec, slot): (RecId, SlotId),
     callee: FnId,
     args: &mut [Value],
 ) {
-    let slot = tree.record(rec).slot;
     Edited { program, tree, slot, body: Body::Plan(callee) }.change_params(args);
     let is_as_written = |(at, arg): (u8, &Value)| tree.arg(rec, at).is_some_and(|it| it.identical(arg));
     if !(0..).zip(args.iter()).all(is_as_written) {

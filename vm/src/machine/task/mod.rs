@@ -52,8 +52,6 @@ pub(in crate::machine) struct Task {
     /// Its record, once it has been started.
     pub rec: RecId,
     pub parent: TaskId,
-    /// Which branch of its form it is.
-    pub ordinal: u32,
     depth: u32,
     pub state: State,
     /// It stands still, with all below it.
@@ -79,7 +77,7 @@ pub(in crate::machine) struct Task {
 }
 
 /// There may be many tasks.
-const _: () = assert!(size_of::<Task>() <= 96);
+const _: () = assert!(size_of::<Task>() <= 80);
 
 /// What few tasks have.
 #[derive(Default)]
@@ -203,7 +201,7 @@ struct Timer {
 
 impl Tasks {
     pub(in crate::machine) fn new(root: RecId) -> Tasks {
-        let root = Task::new(ROOT, root, TaskId::ROOT, 0, 0);
+        let root = Task::new(ROOT, root, TaskId::ROOT, 0);
         Tasks {
             all: vec![root],
             loaded: TaskId::ROOT,
@@ -231,7 +229,8 @@ impl Tasks {
         &mut self.all[id.at()]
     }
 
-    /// Which of two tasks stands first in the source: a parent before its branches, these in order.
+    /// Which of two tasks stands first in the source: a parent before its branches, these in order. (A task
+    /// does one form at a time, and its branches are made in order.)
     fn order(&self, a: TaskId, b: TaskId) -> Ordering {
         let (mut x, mut y) = (a, b);
         while self.get(x).depth > self.get(y).depth {
@@ -246,7 +245,7 @@ impl Tasks {
         while self.get(x).parent != self.get(y).parent {
             (x, y) = (self.get(x).parent, self.get(y).parent);
         }
-        self.get(x).ordinal.cmp(&self.get(y).ordinal)
+        x.cmp(&y)
     }
 
     /// A task that waited has its turn in the next round.
@@ -271,18 +270,23 @@ impl Tasks {
         self.all.len() * task
     }
 
-    /// The branches of a form that begins: tasks of the loaded one, in a row. They wait until they are
-    /// started. In a clean-up they have time until `limit`.
-    pub(in crate::machine) fn add_branches(&mut self, slots: &[SlotId], limit: Option<u64>) -> Range<u32> {
-        let parent = self.loaded;
-        let depth = self.get(parent).depth + 1;
-        let limit = limit.or(self.get(parent).limit());
-        let first = self.all.len() as u32;
-        self.all.extend(slots.iter().zip(0..).map(|(slot, ordinal)| {
-            let rare = limit.map(|_| Box::new(Rare { limit, ..Rare::default() }));
-            Task { rare, ..Task::new(*slot, RecId(0), parent, ordinal, depth) }
-        }));
-        first..self.all.len() as u32
+    /// How many there are.
+    pub(in crate::machine) fn count(&self) -> u32 {
+        self.all.len() as u32
+    }
+
+    /// So many will be added.
+    pub(in crate::machine) fn reserve(&mut self, more: usize) {
+        self.all.reserve(more);
+    }
+
+    /// A new branch of the loaded task. In a clean-up it has time until `limit`.
+    pub(in crate::machine) fn add(&mut self, slot: SlotId, limit: Option<u64>) {
+        let above = self.get(self.loaded);
+        let limit = limit.or(above.limit());
+        let branch = Task::new(slot, RecId(0), self.loaded, above.depth + 1);
+        let rare = limit.map(|_| Box::new(Rare { limit, ..Rare::default() }));
+        self.all.push(Task { rare, ..branch });
     }
 
     /// The branches of a form.
@@ -373,12 +377,11 @@ impl Tasks {
 }
 
 impl Task {
-    fn new(slot: SlotId, rec: RecId, parent: TaskId, ordinal: u32, depth: u32) -> Task {
+    fn new(slot: SlotId, rec: RecId, parent: TaskId, depth: u32) -> Task {
         Task {
             slot,
             rec,
             parent,
-            ordinal,
             depth,
             state: State::Ready,
             suspended: false,
@@ -545,8 +548,8 @@ impl Run {
             self.here = Here(tree.record(task.rec).parent.0);
             stack[0] = Value::NIL;
         } else if let Some(Driver::Fork(fork)) = innermost(tasks, drivers, task.parent) {
-            self.pc = fork.entry_of(task);
-            fork.fill(stack, task, tree);
+            self.pc = fork.entry_of(id);
+            fork.fill(stack, id, tree.arg(task.rec, 0));
         }
     }
 
@@ -556,7 +559,7 @@ impl Run {
         match (&task.parked, self.fork_of(id)) {
             (Some(parked), _) => parked.registers.clone(),
             (None, Some(fork)) if task.is_running() && !task.has_begun => {
-                fork.values_of(task, self.tree.arg(task.rec, 0)).cloned().collect()
+                fork.values_of(id, self.tree.arg(task.rec, 0)).cloned().collect()
             }
             _ => Vec::new(),
         }
