@@ -13,7 +13,7 @@ use crate::value::{Imm, Obj, Symbol, Value, live};
 
 use super::drive::{Body, Call};
 use super::edited::Edited;
-use super::{Ctx, CtxParts, Exit, Frame, Here, MEMO, Machine, Occurrences, RESUME, Run, hot};
+use super::{Ctx, CtxParts, Exit, Frame, Here, MEMO, Machine, RESUME, Run, hot};
 
 /// The site of calls that stand in no source: the plan of `run-plan`.
 pub(super) fn root_site() -> Site {
@@ -553,7 +553,7 @@ impl Machine {
             chain = run.tree.keys.then(chain, Step::Name(name), site_hash);
         }
         if it.counted || run.tree.record(rec).flags & crate::tree::COUNTED != 0 {
-            let reached = run.occurrences.entry(rec).or_insert_with(Occurrences::default);
+            let reached = run.occurrences.entry(rec).or_default();
             let key = Key { site, chain };
             let count = reached.counts.entry(key).or_insert(0);
             let before = *count;

@@ -1,10 +1,10 @@
 //! Drivers: calls that take several steps.
 //!
 //! A plan call without goal, and without edits or with those that only change parameters, is one frame. A
-//! performed description has to be grounded
-//! and may have a goal; edits put code before, after, around or instead of a call. Such a call
-//! has a [`Driver`], as parallel forms and obligations have, that says which step is next, and a frame whose program counter is
-//! [`RESUME`]: when what it called returns there, [`Machine::resume`] takes the next step.
+//! performed description has to be grounded and may have a goal; edits put code before, after, around or
+//! instead of a call. Such a call has a [`Driver`], as parallel forms and obligations have, that says which step
+//! is next, and a frame whose program counter is [`RESUME`]: when what it called returns there,
+//! [`Machine::resume`] takes the next step.
 //!
 //! ```text
 //!   goal true? ─yes─▶ skipped          wraps ─▶ body (replace ─▶ … ─▶ ground ─▶ plan)

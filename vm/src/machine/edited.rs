@@ -49,7 +49,7 @@ impl<'m> Edited<'m> {
         }
         let refusing = accepted.edit.guard.iter().find(|(key, wanted)| {
             let actual = self.param(args, *key);
-            !actual.is_some_and(|actual| crate::value::equal(&actual, wanted, 100_000) == Some(true))
+            actual.is_none_or(|actual| crate::value::equal(&actual, wanted, 100_000) != Some(true))
         });
         let (key, wanted) = refusing?;
         let given = self.param(args, *key).filter(|value| !value.is_unset());

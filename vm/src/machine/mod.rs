@@ -218,7 +218,8 @@ pub struct Machine {
     /// What came from outside.
     pub log: Log,
     globals: Vec<Value>,
-    /// Innermost last. (In boxes: one is put on top for each computation of a fluent.)
+    /// Innermost last.
+    #[expect(clippy::vec_box, reason = "one is put on top, and taken off, for each computation of a fluent")]
     runs: Vec<Box<Run>>,
     /// Fuel used so far.
     steps: u64,
