@@ -24,7 +24,7 @@ pub struct Var {
     /// Where `set!` changes it, if it does.
     pub assigned: Option<Span>,
     /// Where a function inside captures it, if one does.
-    pub captured: Option<Span>,
+    pub captured: Option<(Span, FnKind)>,
 }
 
 /// A function, plan, lambda, or the top level of a file.

@@ -111,8 +111,8 @@ pub enum CompileError {
         at: Span,
     },
 
-    /// `set!` of a variable that a closure has.
-    #[error("`{name}` is changed, but a function inside has captured it")]
+    /// `set!` of a variable that a closure or a branch has.
+    #[error("`{name}` is changed, but {by} has captured it")]
     #[diagnostic(
         code(resolve::set_captured),
         help(
@@ -125,7 +125,9 @@ pub enum CompileError {
         /// The `set!`.
         #[label(primary, "changed here")]
         at: Span,
-        /// The use in the function inside.
+        /// What has captured it.
+        by: &'static str,
+        /// The use in there.
         #[label("captured here")]
         captured: Span,
     },

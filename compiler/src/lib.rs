@@ -413,3 +413,9 @@ impl Front {
 pub fn special_forms() -> &'static [(&'static str, &'static str)] {
     resolve::special::SHAPES
 }
+
+/// What a special form does, in a sentence or two.
+#[must_use]
+pub fn special_form_doc(name: &str) -> Option<&'static str> {
+    resolve::special::DOCS.iter().find(|(known, _)| *known == name).map(|(_, doc)| *doc)
+}

@@ -46,7 +46,8 @@ pub fn run(it: &Doc) -> Answer {
 pub fn page(session: &Session, name: &str) -> Result<String, Trouble> {
     let mut parts = Vec::new();
     if let Some((_, shape)) = compiler::special_forms().iter().find(|(known, _)| *known == name) {
-        parts.push(format!("{shape}\n  a special form\n"));
+        let doc = compiler::special_form_doc(name);
+        parts.push(format!("{shape}\n  a special form\n{}", indented(doc)));
     }
     let symbol = Symbol::from(name);
     if let Found::One(definition) = session.front.modules.look_up(session.module, symbol) {
@@ -105,9 +106,9 @@ fn definition_page(session: &Session, name: Symbol, definition: &Definition) -> 
 /// `(name params…)` of what can be called, else the name.
 pub fn signature(name: Symbol, definition: &Definition) -> String {
     match definition.meaning.params() {
-        Some(params) => match compiler::show_params(params).trim_start_matches('(') {
-            ")" => format!("({name})"),
-            params => format!("({name} {params}"),
+        Some(params) => match compiler::show_params(params).get(1..) {
+            None | Some(")") => format!("({name})"),
+            Some(params) => format!("({name} {params}"),
         },
         None => name.to_string(),
     }

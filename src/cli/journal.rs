@@ -1,5 +1,5 @@
 //! The log of a run in a file: a head that says what was run and how, then a line of JSON for
-//! each thing that came from outside, written when it came.
+//! each round in which something came from outside, with all that came, written when it came.
 //!
 //! A line is written in one piece and ends with a line end, so a killed run leaves whole lines
 //! and at most a torn last one, which is left out. The head holds hashes of all texts of the
@@ -18,7 +18,7 @@ use super::run::Job;
 use super::settings::Settings;
 
 /// The version of the format.
-const VERSION: u64 = 1;
+const VERSION: u64 = 2;
 /// A head is not longer than this, in bytes.
 const LONGEST_HEAD: u64 = 1 << 20;
 /// The names of library files begin so.
@@ -48,10 +48,8 @@ pub struct Recorded {
 impl Journal {
     /// Starts a log. A file that is something else is not overwritten.
     pub fn create(path: &Path, job: &Job, files: &Files) -> Result<Journal, Trouble> {
-        if path.exists()
-            && std::fs::metadata(path).is_ok_and(|it| it.is_file() && it.len() > 0)
-            && read_head(path).is_err()
-        {
+        let holds_something = std::fs::metadata(path).is_ok_and(|it| it.is_file() && it.len() > 0);
+        if holds_something && !first_line(path).is_ok_and(|head| head["pleach-log"].is_u64()) {
             let what = format!("{} is not the log of a run, and is not overwritten", path.display());
             return Err(Trouble::new(what, "choose another name after --log"));
         }
@@ -200,22 +198,27 @@ fn read_head(path: &Path) -> Result<Json, Trouble> {
             "logs are written by `pleach run FILE --log LOG`",
         )
     };
-    let file = File::open(path)
+    let head = first_line(path)
         .map_err(|error| format!("cannot read the log {}: {}", path.display(), why(&error)))?;
-    let mut line = Vec::new();
-    BufReader::new(file).take(LONGEST_HEAD).read_until(b'\n', &mut line).map_err(|_| no_log())?;
-    let head: Json = serde_json::from_slice(&line).map_err(|_| no_log())?;
     match head["pleach-log"].as_u64() {
-        Some(VERSION) if line.last() == Some(&b'\n') => Ok(head),
-        Some(other) if other != VERSION => {
+        Some(VERSION) => Ok(head),
+        Some(other) => {
             let what = format!(
                 "{} is a log of version {other}; this pleach reads version {VERSION}",
                 path.display()
             );
             Err(Trouble::new(what, "use the pleach that wrote it"))
         }
-        _ => Err(no_log()),
+        None => Err(no_log()),
     }
+}
+
+/// The first line of a file as JSON; null if it is none.
+fn first_line(path: &Path) -> std::io::Result<Json> {
+    let mut line = Vec::new();
+    BufReader::new(File::open(path)?).take(LONGEST_HEAD).read_until(b'\n', &mut line)?;
+    let is_whole = line.last() == Some(&b'\n');
+    Ok(serde_json::from_slice(&line).ok().filter(|_| is_whole).unwrap_or_default())
 }
 
 /// Names and hashes of the files of a program; those of the library together.

@@ -9,7 +9,7 @@ use pleach::{Ended, Session};
 use serde_json::json;
 
 use super::run::{Job, Show, call, errors, failure_text};
-use super::{Answer, FAILED, files, interrupt, term};
+use super::{Answer, FAILED, INTERRUPTED, files, interrupt, term};
 
 /// `0..200`, or `200` for as many from 0 on.
 pub fn range(text: &str) -> Result<Range<u64>, String> {
@@ -56,6 +56,10 @@ pub fn explore(job: &Job, show: &Show, schedules: Range<u64>) -> Answer {
             Ended::Errors(reports) => return Ok(errors(&session, &reports, show)),
             Ended::Stopped => break,
         };
+        // A short run does not ask by itself.
+        if interrupt::asked() {
+            break;
+        }
         done += 1;
         let first = outcomes.values().next();
         if other_output.is_none() && first.is_some_and(|first| first.printed != printed.text) {
@@ -74,13 +78,21 @@ pub fn explore(job: &Job, show: &Show, schedules: Range<u64>) -> Answer {
     } else {
         term::say(&text(done, &outcomes, other_output));
     }
-    Ok(if outcomes.len() > 1 { FAILED } else { 0 })
+    Ok(match outcomes.len() {
+        _ if interrupt::asked() => INTERRUPTED,
+        0 | 1 => 0,
+        _ => FAILED,
+    })
 }
 
 fn text(done: usize, outcomes: &BTreeMap<String, Seen>, other_output: Option<u64>) -> String {
+    let interrupted = if interrupt::asked() { "interrupted after " } else { "" };
     let mut text = match outcomes.len() {
-        1 => format!("{done} schedules, one outcome\n"),
-        n => format!("{done} schedules, {n} outcomes: the program depends on the order of its tasks\n"),
+        0 => format!("{interrupted}{done} schedules\n"),
+        1 => format!("{interrupted}{done} schedules, one outcome\n"),
+        n => format!(
+            "{interrupted}{done} schedules, {n} outcomes: the program depends on the order of its tasks\n"
+        ),
     };
     let mut by_number: Vec<_> = outcomes.iter().collect();
     by_number.sort_by_key(|(_, seen)| (std::cmp::Reverse(seen.schedules.len()), seen.schedules[0]));

@@ -1,6 +1,6 @@
 //! The options that say what a run may use and do.
 
-use clap::Args;
+use clap::{Args, ValueEnum as _};
 use pleach::Options;
 use pleach::render::Style;
 use serde_json::{Value as Json, json};
@@ -17,7 +17,7 @@ pub struct Settings {
     /// Key of the order in which ready tasks have their turns; 0 is the order of the source
     #[arg(long, value_name = "N", default_value_t = 0, value_parser = count)]
     pub schedule: u64,
-    /// What time is: `virtual` passes at once, `real` as on the wall
+    /// What time is
     #[arg(long, value_name = "KIND", default_value = "virtual")]
     pub clock: Clock,
     /// Most calls and backward jumps
@@ -99,7 +99,8 @@ impl Settings {
         let Limits { fuel, depth, memory, nodes, output } = self.limits();
         let limits =
             json!({"fuel": fuel, "depth": depth, "memory": memory, "nodes": nodes, "output": output});
-        json!({"seed": self.seed, "schedule": self.schedule, "limits": limits, "allow": self.allow})
+        let clock = self.clock.to_possible_value().map(|it| it.get_name().to_string());
+        json!({"seed": self.seed, "schedule": self.schedule, "clock": clock, "limits": limits, "allow": self.allow})
     }
 
     /// From the head of a log.
@@ -109,8 +110,7 @@ impl Settings {
         Some(Settings {
             seed: json["seed"].as_u64()?,
             schedule: json["schedule"].as_u64()?,
-            // A replay need not wait.
-            clock: Clock::Virtual,
+            clock: Clock::from_str(json["clock"].as_str()?, false).ok()?,
             fuel: Some(limit("fuel")?),
             depth: Some(limit("depth")?),
             memory: Some(limit("memory")?),

@@ -20,7 +20,7 @@ pub const COMMANDS: &[(&str, &str, &str)] = &[
     (
         ":break",
         "[NAME]",
-        "stop where a task begins whose path ends so: deliver, fetch / drive; `none`: nowhere",
+        "stop where a task begins whose path ends so: deliver, fetch / drive, drive :call 2; `none`: nowhere",
     ),
     (":continue", "", "go on with what is stopped"),
     (":step", "[N]", "go on for so many calls and backward jumps, 1 if not said"),

@@ -4,6 +4,7 @@
 //! again in silence, as far as that step.
 
 use vm::code::FnId;
+use vm::path::PathEnd;
 use vm::value::Value;
 
 use super::{Prompt, Screen};
@@ -44,8 +45,11 @@ impl Prompt {
         }
     }
 
-    /// What is still running is given up.
+    /// Something new is begun: what is still running is given up, and what a log has of another future.
     pub fn give_up(&mut self) {
+        if !self.screen.mute {
+            self.session.machine.log.forget_rest();
+        }
         if self.stopped.take().is_some() {
             let why = vm::Failure::new(vm::failure::Builtin::PlanFailure, "given up at the prompt");
             self.session.machine.abandon(why);
@@ -97,8 +101,7 @@ impl Prompt {
 
     /// Tasks whose paths end like this stop the run where they begin.
     pub fn set_breaks(&mut self, breaks: Vec<String>) {
-        let names = |text: &String| text.split('/').map(|name| name.trim().into()).collect();
-        self.session.machine.break_at(breaks.iter().map(names).collect());
+        self.session.machine.break_at(breaks.iter().filter_map(|text| PathEnd::parse(text)).collect());
         self.breaks = breaks;
     }
 
@@ -108,6 +111,12 @@ impl Prompt {
         match pattern {
             "" => {}
             "none" => breaks.clear(),
+            pattern if PathEnd::parse(pattern).is_none() => {
+                return term::say(&format!(
+                    "error: `{}` is not the end of a path\n  help: for example deliver, fetch / drive, drive :call 2\n",
+                    vm::show::safe(pattern)
+                ));
+            }
             pattern => breaks.push(pattern.to_string()),
         }
         self.set_breaks(breaks);

@@ -50,10 +50,10 @@ Examples:
   pleach repl kitchen.plan          with the definitions of a file at hand
   pleach repl < session.txt         a transcript of what is typed there and what it gives
 
-Type a form, and its value is printed; a form may go over several lines. `*1` is the last value, `*2`
-and `*3` those before it, `*e` the last failure. `:help` lists the commands. Ctrl-C stops what runs,
-Ctrl-D leaves. The history is kept in $PLEACH_HISTORY, else in $XDG_STATE_HOME/pleach/history, else in
-~/.local/state/pleach/history; PLEACH_HISTORY= keeps none.";
+Type a form, and its value is printed; a form may go over several lines. `*1` is the last value,
+`*2` and `*3` those before it, `*e` the last failure. `:help` lists the commands. Ctrl-C stops what
+runs, `:continue` goes on with it, Ctrl-D leaves. The history is kept in $PLEACH_HISTORY, else in
+$XDG_STATE_HOME/pleach/history, else in ~/.local/state/pleach/history; PLEACH_HISTORY= keeps none.";
 
 /// `pleach repl`
 #[derive(Args)]

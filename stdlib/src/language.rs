@@ -25,7 +25,7 @@ fn take_apart(args: &[Value]) -> Result<Value, Raise> {
     let (value, n, with_rest) = (&args[0], index(&args[1])?, args[2].is_true());
     let wanted = || {
         let least = if with_rest { "at least " } else { "" };
-        type_error(&format!("a list or vector of {least}{n} elements"), value)
+        type_error(&format!("a list or vector of {least}{n} element{}", if n == 1 { "" } else { "s" }), value)
     };
     let items: Vec<Value> = match value.as_vector() {
         Some(items) => items.iter().cloned().collect(),

@@ -20,7 +20,7 @@ natives! {
     "%pulsed" [2] in ctx => pulsed;
     "%next-rise" [2] in ctx => next_rise;
     "task?" [1] => |args: &[Value]| Ok(Value::bool(matches!(args[0].obj(), Some(Obj::Task(_)))));
-    "evaporate" [1] in ctx => |_: &mut Ctx<'_>, args| task(TaskOp::Evaporate(args[0].clone()));
+    "evaporate" [1 2] in ctx => evaporate;
     "suspend" [1] in ctx => |_: &mut Ctx<'_>, args| task(TaskOp::Suspend(args[0].clone()));
     "wake-up" [1] in ctx => |_: &mut Ctx<'_>, args| task(TaskOp::WakeUp(args[0].clone()));
     "join" [1] in ctx => |_: &mut Ctx<'_>, args| task(TaskOp::Join(args[0].clone()));
@@ -29,6 +29,15 @@ natives! {
 
 fn task(op: TaskOp) -> Result<Next, Raise> {
     Ok(Next::Task(op))
+}
+
+fn evaporate(_: &mut Ctx<'_>, args: &[Value]) -> Result<Next, Raise> {
+    let emergency = match args.get(1).map(|it| (it, it.as_keyword())) {
+        None => false,
+        Some((_, Some(word))) if word.as_str() == "drop-obligations" => true,
+        Some((other, _)) => return Err(type_error(":drop-obligations", other)),
+    };
+    task(TaskOp::Evaporate(args[0].clone(), emergency))
 }
 
 fn as_fluent(value: &Value) -> Option<&Fluent> {

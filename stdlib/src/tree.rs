@@ -111,13 +111,15 @@ fn record_id(args: &[Value]) -> Result<(&Rc<Tree>, RecId), Raise> {
 
 fn tree_value(args: &[Value]) -> Result<Value, Raise> {
     let record = record(args)?;
-    Ok(if record.status == Status::Failed { Value::NIL } else { record.value.clone() })
+    let failed = matches!(record.status, Status::Failed | Status::Evaporated);
+    Ok(if failed { Value::NIL } else { record.value.clone() })
 }
 
 fn tree_failure(args: &[Value]) -> Result<Value, Raise> {
     let (tree, rec) = record_id(args)?;
     let record = tree.record(rec);
-    if record.status != Status::Failed {
+    // That of an evaporated task is the failure of its clean-up.
+    if !matches!(record.status, Status::Failed | Status::Evaporated) {
         return Ok(Value::NIL);
     }
     vm::failure::name_tasks(tree, &record.value);

@@ -24,6 +24,15 @@ parse::unclosed_symbol        a name in bars is never closed
 $ pleach doc dolist
 (dolist (name list) body…)
   a special form
+  The body for each element of a list, vector, map or string.
+--- exit 0
+$ pleach doc pursue
+(pursue form …)
+  a special form
+  All forms at once, as tasks. Ends as the first one does, and stops the others. `(:tag name form)` names a task.
+--- exit 0
+$ pleach doc with-task-suspended | head -1
+(with-task-suspended (task) &rest body)
 --- exit 0
 $ pleach doc first
 (first items)

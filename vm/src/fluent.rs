@@ -171,6 +171,13 @@ impl Fluent {
         waiters.push(waiter);
     }
 
+    /// Tasks of a run that wait or have waited, with the token of the wait.
+    pub(crate) fn waiting(&self, run: u64) -> impl Iterator<Item = (u32, u64)> {
+        let waiters = self.waiters.borrow().clone();
+        let of_run = waiters.into_iter().filter(move |waiter| waiter.run == run);
+        of_run.map(|waiter| (waiter.task, waiter.token))
+    }
+
     /// A derived fluent depends on this one.
     pub(crate) fn add_dependent(&self, dependent: Weak<Obj>) {
         let mut dependents = self.dependents.borrow_mut();

@@ -114,11 +114,14 @@ impl From<Value> for Next {
 /// The failure of a value of the wrong kind. `expected` names the right one: "a list".
 #[must_use]
 pub fn type_error(expected: &str, value: &Value) -> Raise {
-    let shown = crate::print::brief(value);
+    let shown = match value.is_nil() {
+        true => "nil".to_string(),
+        false => format!("the {} {}", value.type_name(), crate::print::brief(value)),
+    };
     Box::new(Failure::with(
         Builtin::TypeError,
         vec![
-            ("message", Value::str(format!("expected {expected}, got the {} {shown}", value.type_name()))),
+            ("message", Value::str(format!("expected {expected}, got {shown}"))),
             ("expected", Value::str(expected)),
             ("value", value.clone()),
         ],

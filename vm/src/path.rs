@@ -102,6 +102,52 @@ impl Path {
     }
 }
 
+/// The end of a path: `fetch / drive`, `drive :call 2`. A step without a number is any call of that name.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct PathEnd {
+    steps: Vec<(Symbol, Option<u32>)>,
+}
+
+impl PathEnd {
+    /// Reads one as paths are shown; `name[*]` is any call of that name, too.
+    #[must_use]
+    pub fn parse(text: &str) -> Option<PathEnd> {
+        let step = |text: &str| {
+            let mut words = text.split_whitespace();
+            let (name, call) = (words.next()?, words.next());
+            let call = match call {
+                None => None,
+                Some(":call") => Some(words.next()?.parse().ok().filter(|call| *call > 0)?),
+                Some(_) => return None,
+            };
+            let name = name.strip_suffix("[*]").filter(|_| call.is_none()).unwrap_or(name);
+            let is_name = !name.is_empty() && !name.contains(['[', ']', '(', ')', ':']);
+            (is_name && words.next().is_none()).then(|| (Symbol::from(name), call))
+        };
+        Some(PathEnd { steps: text.split('/').map(step).collect::<Option<_>>()? })
+    }
+
+    /// True if the path of a slot ends so.
+    #[must_use]
+    pub fn is_of(&self, tree: &Tree, slot: SlotId) -> bool {
+        let mut at = Some(slot);
+        let mut names = self.steps.iter().rev().map(|(name, _)| {
+            let it = tree.slot(at?);
+            at = Some(it.parent).filter(|_| at != Some(ROOT));
+            (it.name == *name).then_some(())
+        });
+        if names.any(|it| it.is_none()) {
+            return false;
+        }
+        // Ranks take a walk over siblings.
+        self.steps.iter().all(|(_, call)| call.is_none()) || {
+            let path = Path::of(tree, slot);
+            let mut steps = self.steps.iter().rev().zip(path.steps.iter().rev());
+            steps.all(|((_, call), step)| call.is_none_or(|call| call == step.call))
+        }
+    }
+}
+
 /// Paths of many slots of one tree: the siblings of each are counted once.
 pub(crate) struct Paths<'t> {
     tree: &'t Tree,

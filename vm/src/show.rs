@@ -80,6 +80,11 @@ fn outcome(program: &Program, tree: &Tree, rec: RecId) -> String {
                 words += &format!(": {}", failure.name);
             }
         }
+        Status::Evaporated => {
+            if let Some(failure) = record.value.as_failure() {
+                words += &format!(", its clean-up failed: {}", failure.name);
+            }
+        }
         _ => {}
     }
     words
@@ -103,7 +108,11 @@ fn line(program: &Program, tree: &Tree, slot: SlotId, rec: RecId) -> String {
     if record.attempt > 1 {
         line += &format!(", attempt {}", record.attempt);
     }
-    if record.start != record.end {
+    if !record.status.is_final() {
+        if record.start > 0 && record.status != Status::Deferred {
+            line += &format!("  [since {} s]", seconds(record.start));
+        }
+    } else if record.start != record.end {
         line += &format!("  [{} – {} s]", seconds(record.start), seconds(record.end));
     }
     if record.flags & crate::tree::MOVED != 0 {
@@ -244,8 +253,9 @@ fn node_json(
     let params: JsonMap<String, Json> =
         params(program, tree, rec).iter().map(|(name, value)| (name.to_string(), write(value))).collect();
     node.insert("params".into(), Json::Object(params));
-    match record.status {
-        Status::Failed => {
+    match record.value.as_failure() {
+        // That of an evaporated task is the failure of its clean-up.
+        Some(_) if matches!(record.status, Status::Failed | Status::Evaporated) => {
             crate::failure::name_tasks(tree, &record.value);
             node.insert("failure".into(), failure_json(program, &record.value, 0))
         }
@@ -258,7 +268,8 @@ fn node_json(
         node.insert("goal".into(), json!("moved"));
     }
     node.insert("start".into(), json!(record.start as f64 / 1e9));
-    node.insert("end".into(), json!(record.end as f64 / 1e9));
+    let end = record.status.is_final().then_some(record.end as f64 / 1e9);
+    node.insert("end".into(), json!(end));
     let extra = tree.extra(rec);
     if let Some(grounded) = extra.and_then(|it| it.grounded.as_ref()) {
         node.insert("grounded".into(), write(grounded));

@@ -135,6 +135,8 @@ pub enum Why {
     Parent,
     /// A task asked for it.
     Asked,
+    /// A task asked for it, and for dropping what was owed.
+    Emergency,
 }
 
 impl Why {
@@ -150,6 +152,7 @@ impl Why {
         Why::Timeout,
         Why::Parent,
         Why::Asked,
+        Why::Emergency,
     ];
     /// The word for it; empty where there is nothing to say.
     #[must_use]
@@ -165,6 +168,7 @@ impl Why {
             Why::Timeout => "timeout",
             Why::Parent => "parent",
             Why::Asked => "asked",
+            Why::Emergency => "emergency",
         }
     }
 }
@@ -550,6 +554,16 @@ impl Tree {
     pub fn begins(&mut self, slot: SlotId) {
         let next = RecId(self.records.len as u32);
         self.slots.get_mut(slot.0).since = next;
+    }
+
+    /// A slot has its place among its siblings where `first` has it, whenever it begins: branches of one form
+    /// stand in the order of their making.
+    pub fn stands_with(&mut self, slot: SlotId, first: SlotId) {
+        if slot == first {
+            return;
+        }
+        let since = self.slots.get(first.0).since;
+        self.slots.get_mut(slot.0).since = since;
     }
 
     /// The children of `rec` may be called again: look before a slot is added.

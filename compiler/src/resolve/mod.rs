@@ -95,7 +95,7 @@ impl Scope {
         }
         let outer = self.outer.as_mut()?;
         let theirs = outer.variable(name, at)?;
-        outer.vars[theirs.0 as usize].captured.get_or_insert(at);
+        outer.vars[theirs.0 as usize].captured.get_or_insert((at, self.kind));
         let ours = VarId(self.vars.len() as u32);
         let span = outer.vars[theirs.0 as usize].span;
         self.vars.push(Var { name, span, assigned: None, captured: None });
@@ -536,8 +536,10 @@ impl Compiler<'_> {
         span: Span,
     ) -> Function {
         for var in &scope.vars {
-            if let (Some(at), Some(captured)) = (var.assigned, var.captured) {
-                self.error(CompileError::SetCaptured { name: var.name.to_string(), at, captured });
+            if let (Some(at), Some((captured, by))) = (var.assigned, var.captured) {
+                let by =
+                    if by == FnKind::Branch { "a branch of a parallel form" } else { "a function inside" };
+                self.error(CompileError::SetCaptured { name: var.name.to_string(), by, at, captured });
             }
         }
         Function {

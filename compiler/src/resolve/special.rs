@@ -17,11 +17,13 @@ use crate::module::{Found, Meaning, nearest};
 type Special = fn(&mut Compiler<'_>, &mut Scope, &Form, &[Form]) -> Expr;
 
 macro_rules! specials {
-    ($($name:literal $shape:literal => $function:expr;)+) => {
+    ($($name:literal $shape:literal $doc:literal => $function:expr;)+) => {
         /// The names of all special forms.
         pub(crate) const NAMES: &[&str] = &[$($name),+];
         /// How each special form is written.
         pub(crate) const SHAPES: &[(&str, &str)] = &[$(($name, $shape)),+];
+        /// What each special form does, in a sentence or two.
+        pub(crate) const DOCS: &[(&str, &str)] = &[$(($name, $doc)),+];
         /// The special form of this name.
         pub(super) fn find(name: &str) -> Option<Special> {
             match name { $($name => Some($function),)+ _ => None }
@@ -30,62 +32,118 @@ macro_rules! specials {
 }
 
 specials! {
-    "quote" "(quote form) or 'form" => quote;
-    "quasiquote" "(quasiquote form) or `form" => quasiquote;
-    "seq" "(seq form …)" => seq;
-    "let" "(let ((name value) …) body…)" => let_;
-    "let*" "(let* ((name value) …) body…)" => let_star;
-    "set!" "(set! name value)" => set;
-    "lambda" "(lambda (params…) body…)" => lambda;
-    "if" "(if test then else)" => if_;
-    "when" "(when test body…)" => when;
-    "unless" "(unless test body…)" => unless;
-    "cond" "(cond (test body…) … (true body…))" => cond;
-    "case" "(case value (key body…) ((key key) body…) (otherwise body…))" => case;
-    "and" "(and form …)" => and;
-    "or" "(or form …)" => or;
-    "while" "(while test body…)" => while_;
-    "loop" "(loop body…)" => loop_;
-    "dolist" "(dolist (name list) body…)" => dolist;
-    "dotimes" "(dotimes (name count) body…)" => dotimes;
-    "return" "(return value)" => return_;
-    "perform" "(perform description :goal expression)" => perform;
-    "a" "(a location (key value) …)" => describe;
-    "an" "(an object (key value) …)" => describe;
-    "matches" "(matches pattern value)" => |it, scope, form, args| it.matching(scope, Match::Open, form, args);
-    "==" "(== pattern value)" => |it, scope, form, args| it.matching(scope, Match::Closed, form, args);
-    "with-failure-handling" "(with-failure-handling ((type (e) body…) …) body…)" => handle;
-    "retry" "(retry)" => retry;
-    "propagate" "(propagate)" => propagate;
-    "fail" "(fail type :field value …)" => fail;
-    "make-failure" "(make-failure type :field value …)" => make_failure;
-    "unwind-protect" "(unwind-protect body clean-up…)" => protect;
-    "with-retry-counters" "(with-retry-counters ((name count) …) body…)" => counters;
-    "do-retry" "(do-retry counter body…)" => do_retry;
-    "par" "(par form …)" => |it, scope, form, args| it.parallel(scope, ForkKind::Par, form, args);
-    "par-loop" "(par-loop (name list) body…)" => |it, scope, form, args| it.parallel_loop(scope, ForkKind::ParLoop, form, args);
-    "pursue" "(pursue form …)" => |it, scope, form, args| it.parallel(scope, ForkKind::Pursue, form, args);
-    "try-all" "(try-all form …)" => |it, scope, form, args| it.parallel(scope, ForkKind::TryAll, form, args);
-    "try-in-order" "(try-in-order form …)" => |it, scope, form, args| it.parallel(scope, ForkKind::TryInOrder, form, args);
-    "try-each" "(try-each (name list) body…)" => |it, scope, form, args| it.parallel_loop(scope, ForkKind::TryEach, form, args);
-    "partial-order" "(partial-order ((:tag name form) …) (:order name name) …)" => |it, scope, form, args| it.partial_order(scope, form, args);
-    "with-timeout" "(with-timeout seconds body…)" => |it, scope, form, args| it.with_timeout(scope, form, args);
-    "fl" "(fl expression)" => |it, scope, form, args| it.derived_fluent(scope, form, args);
-    "path" "(path name (name :call n) …)" => path;
-    "original" "(original)" => original;
-    "expect" "(expect expression)" => expect;
-    "expect-failure" "(expect-failure type body…)" => expect_failure;
-    "module" "(module name \"doc\")" => not_at_top;
-    "use" "(use name … :as prefix :only (names…))" => not_at_top;
-    "def-fun" "(def-fun name (params…) \"doc\" body…)" => not_at_top;
-    "def-plan" "(def-plan name (params…) \"doc\" body…)" => not_at_top;
-    "def-const" "(def-const name value \"doc\")" => not_at_top;
-    "def-macro" "(def-macro name (params…) \"doc\" body…)" => not_at_top;
-    "def-failure" "(def-failure name (parents…) (fields…) \"doc\")" => not_at_top;
-    "def-native" "(def-native name (params…) \"doc\")" => not_at_top;
-    "def-open-fun" "(def-open-fun name (params…) \"doc\")" => not_at_top;
-    "extend" "(extend name (params…) body…)" => not_at_top;
-    "def-test" "(def-test name body…)" => not_at_top;
+    "quote" "(quote form) or 'form"
+        "The form as data, not computed." => quote;
+    "quasiquote" "(quasiquote form) or `form"
+        "The form as data, in which `,form` is computed and `,@form` puts the elements of a list." => quasiquote;
+    "seq" "(seq form …)"
+        "Computes the forms one after another; the value of the last." => seq;
+    "let" "(let ((name value) …) body…)"
+        "Computes the body with new variables; no value sees the other names." => let_;
+    "let*" "(let* ((name value) …) body…)"
+        "As `let`, but each value sees the names before it." => let_star;
+    "set!" "(set! name value)"
+        "Gives a local variable another value. One that a function or a branch has captured keeps its value." => set;
+    "lambda" "(lambda (params…) body…)"
+        "A function without a name." => lambda;
+    "if" "(if test then else)"
+        "The value of one of two forms, by a test; nil and false are false." => if_;
+    "when" "(when test body…)"
+        "The body if the test is true, else nil." => when;
+    "unless" "(unless test body…)"
+        "The body if the test is false, else nil." => unless;
+    "cond" "(cond (test body…) … (true body…))"
+        "The body behind the first test that is true, else nil." => cond;
+    "case" "(case value (key body…) ((key key) body…) (otherwise body…))"
+        "The body behind the key that is equal to the value; keys are data." => case;
+    "and" "(and form …)"
+        "The first form that is false, else the last; the rest is not computed." => and;
+    "or" "(or form …)"
+        "The first form that is true, else the last; the rest is not computed." => or;
+    "while" "(while test body…)"
+        "Repeats the body while the test is true." => while_;
+    "loop" "(loop body…)"
+        "Repeats the body until `return` leaves it." => loop_;
+    "dolist" "(dolist (name list) body…)"
+        "The body for each element of a list, vector, map or string." => dolist;
+    "dotimes" "(dotimes (name count) body…)"
+        "The body for each number from 0 to below a count." => dotimes;
+    "return" "(return value)"
+        "Leaves the innermost loop, or the clause of a handler, with a value." => return_;
+    "perform" "(perform description :goal expression)"
+        "Does an action or motion, as a task, by the plan that `ground` gives for its description." => perform;
+    "a" "(a location (key value) …)"
+        "A description of an action, motion, location or object; `?x` and `,form` in it are computed." => describe;
+    "an" "(an object (key value) …)"
+        "As `a`." => describe;
+    "matches" "(matches pattern value)"
+        "What the variables of a pattern stand for, as a map, if the description has at least what the pattern has; else nil." => |it, scope, form, args| it.matching(scope, Match::Open, form, args);
+    "==" "(== pattern value)"
+        "As `matches`, for a description with the same keys." => |it, scope, form, args| it.matching(scope, Match::Closed, form, args);
+    "with-failure-handling" "(with-failure-handling ((type (e) body…) …) body…)"
+        "Computes the body; a failure of it goes to the first clause for its type, when all that the body began has ended. A clause that falls off its end lets the failure pass." => handle;
+    "retry" "(retry)"
+        "In a clause: begins the body again." => retry;
+    "propagate" "(propagate)"
+        "In a clause: lets the failure pass." => propagate;
+    "fail" "(fail type :field value …)"
+        "Raises a failure; in a clause with the handled one as its cause." => fail;
+    "make-failure" "(make-failure type :field value …)"
+        "A failure as a value, not raised." => make_failure;
+    "unwind-protect" "(unwind-protect body clean-up…)"
+        "Computes the body, then the clean-up, whether the body succeeded, failed or was stopped." => protect;
+    "with-retry-counters" "(with-retry-counters ((name count) …) body…)"
+        "Computes the body with counters for `do-retry`." => counters;
+    "do-retry" "(do-retry counter body…)"
+        "Computes the body, mostly `(retry)`, and counts down; nothing when the counter is at 0." => do_retry;
+    "par" "(par form …)"
+        "All forms at once, as tasks. The list of their values when all have succeeded; the first failure stops the others. `(:tag name form)` names a task." => |it, scope, form, args| it.parallel(scope, ForkKind::Par, form, args);
+    "par-loop" "(par-loop (name list) body…)"
+        "The body for all elements at once, as tasks; ends as `par`." => |it, scope, form, args| it.parallel_loop(scope, ForkKind::ParLoop, form, args);
+    "pursue" "(pursue form …)"
+        "All forms at once, as tasks. Ends as the first one does, and stops the others. `(:tag name form)` names a task." => |it, scope, form, args| it.parallel(scope, ForkKind::Pursue, form, args);
+    "try-all" "(try-all form …)"
+        "All forms at once, as tasks. The first success stops the others; `composite-failure` if all fail." => |it, scope, form, args| it.parallel(scope, ForkKind::TryAll, form, args);
+    "try-in-order" "(try-in-order form …)"
+        "The forms one after another until one succeeds; `composite-failure` if all fail." => |it, scope, form, args| it.parallel(scope, ForkKind::TryInOrder, form, args);
+    "try-each" "(try-each (name list) body…)"
+        "The body for one element after another until it succeeds; `composite-failure` if it fails for all." => |it, scope, form, args| it.parallel_loop(scope, ForkKind::TryEach, form, args);
+    "partial-order" "(partial-order ((:tag name form) …) (:order name name) …)"
+        "The steps at once, as tasks, as far as the orders allow: each begins when those before it have succeeded. Ends as `par`." => |it, scope, form, args| it.partial_order(scope, form, args);
+    "with-timeout" "(with-timeout seconds body…)"
+        "The body; when so many seconds are over it is stopped, and the failure is `timeout`." => |it, scope, form, args| it.with_timeout(scope, form, args);
+    "fl" "(fl expression)"
+        "A fluent of an expression in which fluents stand for what they hold: computed again when one of them changes." => |it, scope, form, args| it.derived_fluent(scope, form, args);
+    "path" "(path name (name :call n) …)"
+        "A place in a task tree, as data." => path;
+    "original" "(original)"
+        "In the code of an edit: what the edit has replaced or wrapped." => original;
+    "expect" "(expect expression)"
+        "In a test: fails unless the expression is true." => expect;
+    "expect-failure" "(expect-failure type body…)"
+        "In a test: fails unless the body fails with this type." => expect_failure;
+    "module" "(module name \"doc\")"
+        "Names the module of a file." => not_at_top;
+    "use" "(use name … :as prefix :only (names…))"
+        "Makes the names of other modules known." => not_at_top;
+    "def-fun" "(def-fun name (params…) \"doc\" body…)"
+        "Defines a function." => not_at_top;
+    "def-plan" "(def-plan name (params…) \"doc\" body…)"
+        "Defines a plan: a function whose calls are tasks of the tree." => not_at_top;
+    "def-const" "(def-const name value \"doc\")"
+        "Defines a constant, computed once." => not_at_top;
+    "def-macro" "(def-macro name (params…) \"doc\" body…)"
+        "Defines a macro: a function from forms to the form that stands in their place." => not_at_top;
+    "def-failure" "(def-failure name (parents…) (fields…) \"doc\")"
+        "Defines a type of failures." => not_at_top;
+    "def-native" "(def-native name (params…) \"doc\")"
+        "Declares a function of the library that is written in Rust." => not_at_top;
+    "def-open-fun" "(def-open-fun name (params…) \"doc\")"
+        "Defines a function that gets its cases by `extend`." => not_at_top;
+    "extend" "(extend name (params…) body…)"
+        "Adds a case to an open function; a case answers nil for what it does not know." => not_at_top;
+    "def-test" "(def-test name body…)"
+        "Defines a test, for `pleach test`." => not_at_top;
 }
 
 impl Compiler<'_> {
@@ -247,7 +305,7 @@ fn set(it: &mut Compiler<'_>, scope: &mut Scope, form: &Form, args: &[Form]) -> 
             let captured = scope.captures.iter().any(|(_, ours)| *ours == var);
             scope.vars[var.0 as usize].assigned.get_or_insert(form.span);
             if captured {
-                scope.vars[var.0 as usize].captured.get_or_insert(target.span);
+                scope.vars[var.0 as usize].captured.get_or_insert((target.span, scope.kind));
             }
             Expr::new(ExprKind::Set(var, boxed(value)), form.span)
         }

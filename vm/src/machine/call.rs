@@ -642,11 +642,7 @@ impl Machine {
         }
         if !self.breaks.is_empty() {
             let slot = run.tree.record(rec).slot;
-            let names = |most: usize| {
-                let up = std::iter::successors(Some(slot), |at| Some(run.tree.slot(*at).parent));
-                up.take(most).map(|at| run.tree.slot(at).name).collect::<Vec<_>>()
-            };
-            if self.breaks.iter().any(|path| names(path.len()).iter().eq(path.iter().rev())) {
+            if self.breaks.iter().any(|end| end.is_of(&run.tree, slot)) {
                 self.broke = Some(slot);
             }
         }

@@ -17,6 +17,9 @@ use super::{Exit, Here, Machine, RESUME, Run};
 /// Fuel of one computation of a derived fluent.
 const FUEL: u64 = 100_000;
 
+/// A task is stopped without performing what it owes.
+pub type Emergency = bool;
+
 /// What a native wants with fluents and tasks; each call has the value that is said.
 pub enum TaskOp {
     /// A fluent computed by a function from inputs.
@@ -37,8 +40,8 @@ pub enum TaskOp {
     NextRise(Value, Option<u64>),
     /// A fluent that is as another one, with its own way with missed rises.
     Pulsed(Value, Missed),
-    /// Stops a task; nil.
-    Evaporate(Value),
+    /// Stops a task; nil. In an emergency nothing that it owes is performed.
+    Evaporate(Value, Emergency),
     /// A task and all below it stand still; nil.
     Suspend(Value),
     /// They go on; nil.
@@ -103,9 +106,9 @@ impl Machine {
                 let pulsed = add_to_inputs(pulsed);
                 self.put(d, pulsed)
             }
-            TaskOp::Evaporate(task) => {
+            TaskOp::Evaporate(task, emergency) => {
                 let id = self.task_of(&task)?;
-                self.top().evaporate(id, Why::Asked);
+                self.top().evaporate(id, if emergency { Why::Emergency } else { Why::Asked });
                 self.put(d, Value::NIL)
             }
             TaskOp::Suspend(task) => {
@@ -262,7 +265,12 @@ impl Machine {
             _ if has_nodes => Err(refused("calls no plans: it is computed whenever one of them changes")),
             Exit::Done(value) => Ok(value),
             Exit::Failed(failure) => match failure.as_failure() {
-                Some(failure) => Err(Box::new(failure.clone())),
+                Some(failure) => {
+                    // It is one of the task that has it computed.
+                    let mut failure = failure.clone();
+                    failure.task = None;
+                    Err(Box::new(failure))
+                }
                 None => Err(refused("failed")),
             },
             Exit::Fuel => Err(refused("takes too long")),

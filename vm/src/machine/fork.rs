@@ -12,7 +12,7 @@ use crate::host::Host;
 use crate::key::{Rounds, Step};
 use crate::native::{Raise, type_error};
 use crate::op::Count;
-use crate::tree::{DRIVEN, NodeKind, RecId, Status, Why};
+use crate::tree::{DRIVEN, NodeKind, RecId, SlotId, Status, Why};
 use crate::value::{Imm, Obj, Value};
 
 use super::call::{Slow, Way};
@@ -81,6 +81,8 @@ pub(super) struct Fork {
     open: usize,
     /// Which branches come before which.
     edges: Vec<(usize, usize)>,
+    /// The branch that was started first, where some are started later than others.
+    first: Option<SlotId>,
     /// When its time is over.
     deadline: Option<u64>,
     /// What it ends with, once all branches that run have ended.
@@ -130,10 +132,20 @@ impl Machine {
         };
         // Every branch knows those that have a name.
         let handles = tags.iter().map(|at| run.handle(TaskId(branches.start + *at as u32))).collect();
-        let origin = run.origin().map(Box::new);
-        let (open, ending, late) = (0, None, false);
-        let fork =
-            Fork { kind, branches, code, elements, handles, origin, open, edges, deadline, ending, late };
+        let fork = Fork {
+            kind,
+            branches,
+            code,
+            elements,
+            handles,
+            origin: run.origin().map(Box::new),
+            open: 0,
+            edges,
+            first: None,
+            deadline,
+            ending: None,
+            late: false,
+        };
         self.push_driver(Driver::Fork(Box::new(fork)), d);
         self.fork_resumed_with(host)
     }
@@ -195,14 +207,16 @@ impl Machine {
         }
         match fork.ending.take() {
             Some(outcome) if fork.open == 0 => {
-                let failed: Vec<Value> =
-                    self.branches(&fork).iter().filter_map(Task::clean_up_failure).collect();
+                let failed = self.branches(&fork).iter().flat_map(Task::clean_up_failures);
+                let mut failed: Vec<(u64, Value)> = failed.collect();
                 self.top().tasks.forget(&fork.branches);
                 match outcome {
                     Ok(value) => self.return_value(value),
                     Err(failure) => {
                         self.return_value(Value::NIL)?;
-                        let failure = failed.into_iter().fold(failure, |it, other| with_also(&it, other));
+                        failed.sort_by_key(|(round, _)| *round);
+                        let failure =
+                            failed.into_iter().fold(failure, |it, (_, other)| with_also(&it, other));
                         Ok(self.throw(host, failure))
                     }
                 }
@@ -260,14 +274,19 @@ impl Machine {
         }
     }
 
-    fn start_branch(&mut self, host: &mut dyn Host, fork: &Fork, id: TaskId, element: Option<Value>) {
+    fn start_branch(&mut self, host: &mut dyn Host, fork: &mut Fork, id: TaskId, element: Option<Value>) {
         let run = self.top();
         let (slot, function) = (run.tasks.get(id).slot, fork.code_of(id).function);
+        let first = match fork.edges.is_empty() {
+            true => slot,
+            false => *fork.first.get_or_insert(slot),
+        };
         let parent = run.record(run.here);
         run.tree.calls(slot, function);
         if run.tree.edits_of(slot).is_empty() {
             let rec = run.tree.enter(parent, slot, NodeKind::Branch, element.as_slice(), run.now);
             run.tree.record_mut(rec).flags |= DRIVEN;
+            run.tree.stands_with(slot, first);
             run.note_late(rec);
             run.tasks.start(id, rec);
             self.trace_start(host, rec);
@@ -275,9 +294,10 @@ impl Machine {
             let values = fork.values_of(id, element.as_ref()).cloned().collect();
             let mut call = Call::of_branch(slot, parent, function, values);
             call.rec = self.record_of_call(host, &call);
-            let tasks = &mut self.top().tasks;
-            tasks.start(id, call.rec);
-            tasks.get_mut(id).begin_with(call);
+            let run = self.top();
+            run.tree.stands_with(slot, first);
+            run.tasks.start(id, call.rec);
+            run.tasks.get_mut(id).begin_with(call);
         }
     }
 

@@ -40,6 +40,7 @@ use crate::limits::{Grants, Limits};
 use crate::log::Log;
 use crate::native::Raise;
 use crate::op::Op;
+use crate::path::PathEnd;
 use crate::tree::{RecId, Status, Tree};
 use crate::value::{Value, live};
 
@@ -114,6 +115,8 @@ struct Run {
     memo_index: FxHashMap<(RecId, Chain), u32>,
     occurrences: FxHashMap<RecId, Occurrences>,
     draws: Draws,
+    /// How much each record has asked of the outside.
+    asked: FxHashMap<RecId, u32>,
     /// Memory for walks over frames.
     levels: Vec<(Option<crate::code::SiteId>, u32)>,
     /// The chain that the keys of calls in each piece of inserted code begin with.
@@ -158,6 +161,7 @@ impl Run {
             memo_index: FxHashMap::default(),
             occurrences: FxHashMap::default(),
             draws: Draws::default(),
+            asked: FxHashMap::default(),
             levels: Vec::new(),
             inserted,
             obligations: Vec::new(),
@@ -236,7 +240,7 @@ pub struct Machine {
     /// The host is told of starts and ends.
     tells: bool,
     /// Ends of paths: a task that begins there stops the run.
-    breaks: Vec<Vec<crate::value::Symbol>>,
+    breaks: Vec<PathEnd>,
     /// The task that has just stopped it.
     broke: Option<crate::tree::SlotId>,
     /// The host has stopped the run while time was to pass.
@@ -286,8 +290,8 @@ impl Machine {
         self.look_at_starts();
     }
 
-    /// Stops the run where a task begins whose path ends with one of these lists of names.
-    pub fn break_at(&mut self, breaks: Vec<Vec<crate::value::Symbol>>) {
+    /// Stops the run where a task begins whose path ends so.
+    pub fn break_at(&mut self, breaks: Vec<PathEnd>) {
         self.breaks = breaks;
         self.look_at_starts();
     }

@@ -86,6 +86,9 @@ impl Machine {
         while let Some(form) = next {
             next = self.program.around(form);
             let kind = self.program.forms[form as usize].kind;
+            if owes && is_evaporation(&failure) && self.top().is_emergency() {
+                self.drop_owed(host);
+            }
             if owes && let Some(owed) = self.due_before_failure(form) {
                 return match self.discharge(host, owed, Some(failure)) {
                     Ok(exit) => Ok(exit),

@@ -7,7 +7,7 @@ use crate::host::Host;
 use crate::key::{Key, Step};
 use crate::op::Op;
 use crate::path::Path;
-use crate::tree::{DRIVEN, SlotId, Status};
+use crate::tree::{DRIVEN, SlotId, Status, Why};
 use crate::value::{Obj, Value};
 
 use super::super::call::Slow;
@@ -88,6 +88,20 @@ impl Machine {
             })
             .collect();
         if held.is_empty() { None } else { self.first_at_end(&held) }
+    }
+
+    /// In an emergency the running frame is left, and what it holds is not performed. (9)
+    pub(in crate::machine) fn drop_owed(&mut self, host: &mut dyn Host) {
+        let run = self.top();
+        let holder = (run.tasks.loaded, run.frames.len());
+        let (dropped, kept) =
+            std::mem::take(&mut run.obligations).into_iter().partition(|it| it.holder == holder);
+        run.obligations = kept;
+        let dropped: Vec<Obligation> = dropped;
+        for it in dropped {
+            self.top().tree.record_mut(it.rec).why = Why::Emergency;
+            self.end_record(host, it.rec, Status::Evaporated, Value::NIL);
+        }
     }
 
     /// Performs an obligation on top of the running frame, which goes on afterwards.

@@ -22,6 +22,7 @@ use std::collections::BinaryHeap;
 use std::ops::Range;
 
 use crate::host::Request;
+use crate::log::Question;
 use crate::native::Raise;
 use crate::tree::{ROOT, RecId, SlotId, Why};
 use crate::value::Value;
@@ -180,10 +181,21 @@ pub(in crate::machine) struct Tasks {
     waits: u64,
     /// Numbers timers, so that those of one time fire in the order of their making.
     timers_made: u64,
-    asked: Vec<(TaskId, Request, usize)>,
+    /// What was asked of the outside in this round.
+    asked: Vec<Asked>,
     /// Emptied ones, whose memory serves again.
     #[expect(clippy::vec_box, reason = "a box moves from a task to here and to the next task")]
     spare: Vec<Box<Parked>>,
+}
+
+/// A question to the outside that waits for the end of the round.
+struct Asked {
+    task: TaskId,
+    request: Request,
+    /// The same for the log.
+    question: Question,
+    /// The position of the task's stack that takes the answer.
+    register: usize,
 }
 
 /// How many of these are kept.
@@ -426,6 +438,11 @@ impl Task {
         self.rare_mut().joiners.push((waiting, token));
     }
 
+    /// Who waits for its end.
+    pub(in crate::machine) fn joiners(&self) -> &[(TaskId, u64)] {
+        self.rare.as_ref().map_or(&[], |it| &it.joiners)
+    }
+
     /// Its first turn makes this call.
     pub(in crate::machine) fn begin_with(&mut self, call: Call) {
         self.rare_mut().begins_with = Some(Box::new(call));
@@ -465,14 +482,15 @@ impl Task {
         self.end.as_ref().filter(|end| !end.failed).map(|end| end.value.clone()).unwrap_or_default()
     }
 
-    /// The failure of a clean-up while it was stopped. One that was in its clean-up already, and could not
-    /// be stopped, ends with it.
-    pub(in crate::machine) fn clean_up_failure(&self) -> Option<Value> {
-        let end = self.end.as_ref().filter(|end| end.failed)?;
-        match is_evaporation(&end.value) {
-            true => end.value.as_failure()?.also.first().cloned(),
-            false => self.evaporate.map(|_| end.value.clone()),
-        }
+    /// The failures of clean-ups while it was stopped, and the round in which it ended. One that was in its
+    /// clean-up already, and could not be stopped, ends with it.
+    pub(in crate::machine) fn clean_up_failures(&self) -> Vec<(u64, Value)> {
+        let Some(end) = self.end.as_ref().filter(|end| end.failed) else { return Vec::new() };
+        let failures = match end.value.as_failure() {
+            Some(it) if is_evaporation(&end.value) => it.also.clone(),
+            _ => self.evaporate.map(|_| end.value.clone()).into_iter().collect(),
+        };
+        failures.into_iter().map(|failure| (end.round, failure)).collect()
     }
 }
 
@@ -640,6 +658,10 @@ impl Run {
     /// Asks a task to stop. It does so in its next turn, or when the clean-up is over that it is in.
     pub(in crate::machine) fn evaporate(&mut self, id: TaskId, why: Why) {
         let task = self.tasks.get_mut(id);
+        if why == Why::Emergency && task.evaporate.is_some() {
+            // It is on its way already, and owes nothing from now on.
+            task.evaporate = Some(why);
+        }
         if task.state == State::Ended || task.evaporate.is_some() {
             return;
         }
@@ -648,6 +670,13 @@ impl Run {
             self.tasks.make_ready(id);
         }
         self.release();
+    }
+
+    /// True if the loaded task is stopped in an emergency: it, or what it is part of.
+    pub(in crate::machine) fn is_emergency(&self) -> bool {
+        let up = |at: &TaskId| (*at != TaskId::ROOT).then(|| self.tasks.get(*at).parent);
+        let mut around = std::iter::successors(Some(self.tasks.loaded), up);
+        around.any(|at| self.tasks.get(at).evaporate == Some(Why::Emergency))
     }
 
     fn is_cleaning_up(&self, id: TaskId) -> bool {

@@ -2,9 +2,8 @@
 
 use crate::failure::{Builtin, Failure};
 use crate::host::{Host, Request};
-use crate::log::Entry;
+use crate::log::{Entry, Event, Question};
 use crate::native::Raise;
-use crate::path::Path;
 use crate::tree::Status;
 use crate::value::Value;
 
@@ -12,8 +11,10 @@ use super::super::call::Slow;
 use super::super::cleanup::{CleanUp, too_long};
 use super::super::{Exit, Machine, Outcome, QUANTUM_NS, from_json};
 use super::evaporation::evaporation;
-use super::{State, TaskId, Waits};
+use super::{Asked, State, TaskId, Waits};
 
+/// How many of those who wait the message of a deadlock names.
+const MOST_TOLD: usize = 10;
 /// How often a run may come to where nothing can go on: each time something is stopped.
 const MOST_DEADLOCKS: u32 = 10_000;
 
@@ -105,9 +106,15 @@ impl Machine {
 
     /// The loaded task asks the outside; the answer goes to this position of its stack.
     pub(in crate::machine) fn wait_for_answer(&mut self, request: Request, register: usize) {
-        let tasks = &mut self.top().tasks;
-        tasks.wait(Waits::Answer);
-        tasks.asked.push((tasks.loaded, request, register));
+        let run = self.top();
+        let rec = run.record(run.here);
+        let record = run.tree.record(rec);
+        let number = run.asked.entry(rec).or_default();
+        *number += 1;
+        let (slot, attempt, number) = (record.slot.0, record.attempt, *number);
+        let question = Question { slot, attempt, number, request: request.describe() };
+        run.tasks.wait(Waits::Answer);
+        run.tasks.asked.push(Asked { task: run.tasks.loaded, request, question, register });
     }
 
     /// The code of the loaded task has ended.
@@ -177,17 +184,20 @@ impl Machine {
         } else if run.tasks.ready.is_empty() && run.tasks.asked.is_empty() {
             match next {
                 Some(at) => {
-                    if !host.pass(at.saturating_sub(run.now)) {
+                    let now = run.now;
+                    // What is in the log has been waited for.
+                    if !self.log.is_replaying() && !host.pass(at.saturating_sub(now)) {
                         // The round has not ended: it does so when the run goes on.
                         self.round -= 1;
                         self.halted = true;
                         return None;
                     }
-                    run.now = run.now.max(at);
+                    self.top().now = now.max(at);
                 }
                 None => return self.deadlock(host),
             }
         }
+        let run = self.top();
         let now = run.now;
         run.tasks.fire(now);
         if let Err(differs) = self.answer_all(host) {
@@ -206,30 +216,36 @@ impl Machine {
         None
     }
 
-    /// Answers what the tasks asked in this round, from the log or from the host.
+    /// Answers what the tasks asked in this round, from the log or from the host: one entry of the log.
     fn answer_all(&mut self, host: &mut dyn Host) -> Result<(), String> {
-        for (id, request, register) in std::mem::take(&mut self.top().tasks.asked) {
-            if !matches!(self.top().tasks.get(id).state, State::Waiting(Waits::Answer)) {
-                continue;
+        let tasks = &mut self.top().tasks;
+        let mut asked = std::mem::take(&mut tasks.asked);
+        asked.retain(|it| matches!(tasks.get(it.task).state, State::Waiting(Waits::Answer)));
+        if asked.is_empty() {
+            return Ok(());
+        }
+        let entry = match self.log.replay(self.round, asked.iter().map(|it| &it.question))? {
+            Some(entry) => entry,
+            None => {
+                let event = |it: &Asked| {
+                    let answer = host.answer(&it.request);
+                    Event { question: it.question.clone(), answer }
+                };
+                let events = asked.iter().map(event).collect();
+                let (round, step, clock) = (self.round, self.steps, self.top().now);
+                let entry = Entry { round, step, clock, events };
+                host.commit(&entry);
+                self.log.add(entry.clone());
+                entry
             }
-            let words = request.describe();
-            let entry = match self.log.replay(self.round, &words)? {
-                Some(entry) => entry,
-                None => {
-                    let answer = host.answer(&request);
-                    let (round, step, clock) = (self.round, self.steps, self.top().now);
-                    let entry = Entry { round, step, clock, request: words, answer };
-                    host.commit(&entry);
-                    self.log.add(entry.clone());
-                    entry
-                }
-            };
-            let run = self.top();
-            match entry.answer {
-                Ok(answer) => run.set_register(id, register, from_json(&answer)),
-                Err(why) => run.tasks.get_mut(id).will_raise(no_answer(&request, why)),
+        };
+        let run = self.top();
+        for (it, event) in asked.iter().zip(entry.events) {
+            match event.answer {
+                Ok(answer) => run.set_register(it.task, it.register, from_json(&answer)),
+                Err(why) => run.tasks.get_mut(it.task).will_raise(no_answer(&it.request, why)),
             }
-            run.tasks.make_ready(id);
+            run.tasks.make_ready(it.task);
         }
         Ok(())
     }
@@ -277,19 +293,13 @@ impl Machine {
             run.tasks.make_ready(id);
             return None;
         }
-        let mut lines: Vec<String> = Vec::new();
-        for (at, task) in run.tasks.all.iter().enumerate() {
-            let id = TaskId(at as u32);
-            let what = match task.state {
-                State::Waiting(waits) if waits != Waits::Branches => format!("waits for {}", waits.word()),
-                State::Ready if run.tasks.held.contains(&id) => "is suspended".to_string(),
-                _ => continue,
-            };
-            let path = Path::of(&run.tree, run.tree.record(run.record(run.here_of(id))).slot);
-            lines.push(format!("{} {what}", path.show()));
-        }
+        let lines = self.stuck();
         let waits = Value::list(lines.iter().map(|line| Value::str(line.as_str())).collect::<Vec<_>>());
-        let message = format!("nothing can go on: {}", lines.join("; "));
+        let mut told: Vec<String> = lines.iter().take(MOST_TOLD).cloned().collect();
+        if lines.len() > MOST_TOLD {
+            told.push(format!("and so do {} others", lines.len() - MOST_TOLD));
+        }
+        let message = format!("nothing can go on: {}", told.join("; "));
         let fields = vec![("message", Value::str(message)), ("waits", waits)];
         self.load(TaskId::ROOT);
         self.interrupt(host, Box::new(Failure::with(Builtin::Deadlock, fields)))
