@@ -109,15 +109,15 @@ fn lua(workload: &str) -> Option<f64> {
     PEERS[0].run(workload)
 }
 
-/// A workload of ours that runs in turns with those of the peers that are found: nanoseconds of ours, and
-/// ratios to theirs. Each does so many operations.
-fn beside_peers(workload: &str, operations: f64, mut ours: impl FnMut() -> f64) -> (f64, String) {
+/// A workload of ours that runs in turns with those of the peers that are found, if they have it: nanoseconds of
+/// ours, and ratios to theirs. Each does so many operations.
+fn beside_peers(workload: Option<&str>, operations: f64, mut ours: impl FnMut() -> f64) -> (f64, String) {
     let mut times = Vec::new();
     let mut theirs = PEERS.map(|_| Vec::new());
     for _ in 0..RUNS {
         times.push(ours());
         for (peer, times) in PEERS.iter().zip(&mut theirs) {
-            times.extend(peer.run(workload));
+            times.extend(workload.and_then(|workload| peer.run(workload)));
         }
     }
     let ours = median(times);
@@ -405,8 +405,8 @@ fn tasks(wanted: &dyn Fn(&str) -> bool) {
             outcome.expect("it succeeds");
             time
         };
-        let peers = if plan == "parks" { format!("park{n}") } else { "none".to_string() };
-        let (time, ratios) = beside_peers(&peers, BRANCHES as f64, ours);
+        let peers = (plan == "parks").then(|| format!("park{n}"));
+        let (time, ratios) = beside_peers(peers.as_deref(), BRANCHES as f64, ours);
         line(name, time, "branch", &format!("({note}) {ratios}"));
     }
     for n in [10, 1_000, BRANCHES] {
@@ -424,7 +424,7 @@ fn tasks(wanted: &dyn Fn(&str) -> bool) {
     if wanted("task/hand-off") {
         const ROUNDS: i64 = 50_000;
         let mut program = Program::new(TASKS, "hands-over");
-        let (time, ratios) = beside_peers("hand-off", (2 * ROUNDS) as f64, || {
+        let (time, ratios) = beside_peers(Some("hand-off"), (2 * ROUNDS) as f64, || {
             program.session.machine.restart(false);
             program.run(&[ROUNDS]).1
         });
