@@ -128,8 +128,13 @@ impl Fluent {
             self.rises.set(self.rises.get() + 1);
         }
         drop(holds);
-        self.value.replace(value);
+        self.put(value);
         Some(self.take_woken())
+    }
+
+    /// Puts a value into the cell; nobody hears of it.
+    pub fn put(&self, value: Value) {
+        *self.value.borrow_mut() = value;
     }
 
     /// As if it had become true for a moment.

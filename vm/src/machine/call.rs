@@ -54,17 +54,21 @@ impl Machine {
                     Ok(Some(exit)) => return exit,
                     Err(raise) => raise,
                 },
-                hot::Out::Edited(op, slot) => match self.call_edited(host, op, slot) {
-                    Ok(None) => continue,
-                    Ok(Some(exit)) => return exit,
-                    Err(raise) => raise,
-                },
-                hot::Out::Slow(op) => match self.slow(host, op, left) {
-                    Ok(None) if self.broke.is_some() => return Exit::Began,
-                    Ok(None) => continue,
-                    Ok(Some(exit)) => return exit,
-                    Err(raise) => raise,
-                },
+                hot::Out::Slow(op) | hot::Out::Edited(op, _) => {
+                    let done = match out {
+                        hot::Out::Edited(_, slot) => self.call_edited(host, op, slot),
+                        _ => self.slow(host, op, left),
+                    };
+                    if self.beside > 0 {
+                        self.count_beside(left);
+                    }
+                    match done {
+                        Ok(None) if self.broke.is_some() => return Exit::Began,
+                        Ok(None) => continue,
+                        Ok(Some(exit)) => return exit,
+                        Err(raise) => raise,
+                    }
+                }
                 hot::Out::Done(value) => return Exit::Done(value),
                 hot::Out::Fuel => return Exit::Fuel,
                 hot::Out::Raise(raise) => raise,

@@ -253,8 +253,7 @@ impl Machine {
         };
         self.runs.truncate(depth + 1);
         let run = self.runs.pop();
-        self.steps += FUEL - left;
-        self.top().tasks.in_turn += FUEL - left;
+        self.beside += FUEL - left;
         let has_nodes = run.as_ref().is_some_and(|run| run.tree.len() > 1);
         self.scratch = run.filter(|_| !has_nodes && matches!(exit, Exit::Done(_)));
         let refused = |what: &str| {

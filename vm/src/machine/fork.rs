@@ -303,8 +303,8 @@ impl Machine {
 
     /// A branch has ended: its form hears of it, and has a turn if that may decide something.
     pub(super) fn branch_ended(&mut self, id: TaskId, outcome: Outcome) {
-        let round = self.round;
         let run = self.top();
+        let round = run.tasks.rounds;
         let record = run.tree.record(run.tasks.get(id).rec);
         let absent = match record.status {
             Status::Deferred => true,
@@ -369,8 +369,11 @@ impl Machine {
                 }
                 let round = first_round(&Task::has_succeeded);
                 let winner = round.and_then(|round| in_round(round).find(|branch| branch.has_succeeded()));
-                let winner = winner.map(|branch| Ok(branch.value()));
-                winner.or_else(|| is_over.then(|| Err(all_failed(fork.kind, branches))))
+                if let Some(winner) = winner {
+                    return Some(Ok(winner.value()));
+                }
+                let failure = is_over.then(|| all_failed(fork.kind, branches))?;
+                Some(Err(self.raised_here(failure)))
             }
             ForkKind::WithTimeout => match branches.first()?.outcome() {
                 Some(Err(failure)) if is_evaporation(&failure) => Some(Ok(Value::NIL)),
@@ -449,11 +452,11 @@ impl Fork {
     }
 }
 
-fn all_failed(kind: ForkKind, branches: &[Task]) -> Value {
+fn all_failed(kind: ForkKind, branches: &[Task]) -> Failure {
     let failures: Vec<Value> = branches.iter().filter_map(|it| it.failure().cloned()).collect();
     let message = format!("none of the {} alternatives of `{}` succeeded", failures.len(), kind.word());
     let fields = vec![("message", Value::str(message)), ("failures", Value::list(failures))];
-    Value::failure(Failure::with(Builtin::CompositeFailure, fields))
+    Failure::with(Builtin::CompositeFailure, fields)
 }
 
 /// Seconds of the task clock in nanoseconds.

@@ -245,6 +245,8 @@ pub struct Machine {
     broke: Option<crate::tree::SlotId>,
     /// The host has stopped the run while time was to pass.
     halted: bool,
+    /// Fuel of computing fluents that has not been counted yet.
+    beside: u64,
     /// Where derived fluents are computed.
     scratch: Option<Box<Run>>,
     /// How many runs have begun inside of the outermost.
@@ -279,6 +281,7 @@ impl Machine {
             breaks: Vec::new(),
             broke: None,
             halted: false,
+            beside: 0,
             scratch: None,
             inner_runs: 0,
         }
@@ -376,6 +379,7 @@ impl Machine {
                     None => continue,
                 }
             }
+            self.count_beside(&mut 0);
             let limit = self.limits.fuel.saturating_add(if self.last_fuel { LAST_FUEL } else { 0 });
             let until = limit.min(stop.unwrap_or(limit)).min(self.steps + QUANTUM - self.top().tasks.in_turn);
             let given = until.saturating_sub(self.steps);
@@ -396,6 +400,16 @@ impl Machine {
                 return Progress::Ended(outcome);
             }
         }
+    }
+
+    /// Computing a fluent is part of the turn in which it is set: its fuel is counted there, first in what is
+    /// left of the stretch.
+    fn count_beside(&mut self, left: &mut u64) {
+        let beside = std::mem::take(&mut self.beside);
+        let within = beside.min(*left);
+        *left -= within;
+        self.steps += beside - within;
+        self.top().tasks.in_turn += beside - within;
     }
 
     /// What becomes of a run whose loaded task has left the loop.

@@ -55,7 +55,7 @@ impl Machine {
                 _ if run.tasks.running && run.tasks.loaded == id => "runs".to_string(),
                 _ => "is ready".to_string(),
             };
-            (paths.path(run.tree.record(run.record(run.here_of(id))).slot), what)
+            (paths.path(run.tree.record(run.stands_in(id)).slot), what)
         })
         .collect()
     }

@@ -164,6 +164,8 @@ pub(in crate::machine) struct Tasks {
     pub running: bool,
     /// Fuel used in this turn.
     pub in_turn: u64,
+    /// Rounds of this run: those of a run inside of it are none of its own.
+    pub rounds: u64,
     /// Who has a turn in this round, last first.
     round: Vec<TaskId>,
     /// Who has one in the next.
@@ -219,6 +221,7 @@ impl Tasks {
             loaded: TaskId::ROOT,
             running: true,
             in_turn: 0,
+            rounds: 0,
             round: Vec::new(),
             ready: Vec::new(),
             held: Vec::new(),
@@ -273,6 +276,11 @@ impl Tasks {
     pub(in crate::machine) fn is_waiting(&self, id: TaskId, token: u64) -> bool {
         let task = self.all.get(id.at());
         task.is_some_and(|task| task.token == token && matches!(task.state, State::Waiting(_)))
+    }
+
+    /// Who has a turn in the next round.
+    pub(in crate::machine) fn ready_tasks(&self) -> Vec<TaskId> {
+        self.ready.clone()
     }
 
     /// About how much memory they take.
@@ -583,16 +591,6 @@ impl Run {
         }
     }
 
-    /// The node that a task works for.
-    fn here_of(&self, id: TaskId) -> Here {
-        let task = self.tasks.get(id);
-        match &task.parked {
-            Some(parked) => parked.here,
-            None if self.tasks.loaded == id => self.here,
-            None => Here(task.rec.0),
-        }
-    }
-
     /// The innermost driver of a task that waits for its branches.
     pub(in crate::machine) fn driver_of(&mut self, id: TaskId) -> Option<&mut Driver> {
         if self.tasks.loaded == id {
@@ -614,6 +612,26 @@ impl Run {
         match &self.tasks.get(id).parked {
             Some(parked) => (&parked.frames, parked.drivers()),
             None => (&self.frames, &self.drivers),
+        }
+    }
+
+    /// The clean-ups that a task is in.
+    pub(in crate::machine) fn cleanups_of(&mut self, id: TaskId) -> &mut [CleanUp] {
+        if self.tasks.loaded == id {
+            return &mut self.cleanups;
+        }
+        let work = self.tasks.get_mut(id).parked.as_mut().and_then(|parked| parked.work.as_mut());
+        work.map_or(&mut [], |work| &mut work.cleanups)
+    }
+
+    /// The record whose code a task does.
+    pub(in crate::machine) fn stands_in(&self, id: TaskId) -> RecId {
+        let task = self.tasks.get(id);
+        match &task.parked {
+            Some(parked) => self.record(parked.here),
+            None if self.tasks.loaded == id => self.record(self.here),
+            // A branch that has not begun.
+            None => task.rec,
         }
     }
 
