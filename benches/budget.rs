@@ -3,7 +3,7 @@
 //! Each workload is a program of the language, run several times; the figure is the median of
 //! the CPU time per operation. Where `lua5.4` is installed, the same workload runs there in
 //! between, and the ratio of the two medians is printed: on a shared machine only ratios of one
-//! run can be trusted. Figures and how they are judged: `vm/benches/README.md`.
+//! run can be trusted. Tasks are compared with those of the other engines that are found. Figures and how they are judged: `vm/benches/README.md`.
 
 use std::process::Command;
 use std::time::Duration;
@@ -17,8 +17,8 @@ use vm::value::Value;
 const RUNS: usize = 9;
 
 fn main() {
-    if std::env::var(MEASURE_BYTES).is_ok() {
-        return println!("{}", parked_bytes());
+    if let Some(n) = std::env::var(MEASURE_BYTES).ok().and_then(|n| n.parse().ok()) {
+        return println!("{}", parked_bytes(n));
     }
     let pattern = std::env::args().skip(1).find(|arg| !arg.starts_with("--")).unwrap_or_default();
     let thread = std::thread::Builder::new().stack_size(256 << 20);
@@ -81,11 +81,49 @@ impl Program {
     }
 }
 
+/// An engine that does some of the workloads as well, where it is installed.
+struct Peer {
+    name: &'static str,
+    command: &'static str,
+    script: &'static str,
+}
+
+/// The one that functions are judged by, then others that have tasks.
+const PEERS: [Peer; 3] = [
+    Peer { name: "Lua 5.4", command: "lua5.4", script: "peer.lua" },
+    Peer { name: "LuaJIT", command: "luajit", script: "peer.lua" },
+    Peer { name: "Python's generators", command: "python3", script: "peer.py" },
+];
+
+impl Peer {
+    /// Milliseconds of a workload, or what else it is asked for.
+    fn run(&self, workload: &str) -> Option<f64> {
+        let script = format!("{}/benches/{}", env!("CARGO_MANIFEST_DIR"), self.script);
+        let output = Command::new(self.command).args([&script, workload]).output().ok()?;
+        String::from_utf8(output.stdout).ok()?.trim().parse().ok()
+    }
+}
+
 /// Milliseconds of a workload in Lua 5.4, if it is installed.
 fn lua(workload: &str) -> Option<f64> {
-    let script = concat!(env!("CARGO_MANIFEST_DIR"), "/benches/peer.lua");
-    let output = Command::new("lua5.4").args([script, workload]).output().ok()?;
-    String::from_utf8(output.stdout).ok()?.trim().parse().ok()
+    PEERS[0].run(workload)
+}
+
+/// A workload of ours that runs in turns with those of the peers that are found, if they have it: nanoseconds of
+/// ours, and ratios to theirs. Each does so many operations.
+fn beside_peers(workload: Option<&str>, operations: f64, mut ours: impl FnMut() -> f64) -> (f64, String) {
+    let mut times = Vec::new();
+    let mut theirs = PEERS.map(|_| Vec::new());
+    for _ in 0..RUNS {
+        times.push(ours());
+        for (peer, times) in PEERS.iter().zip(&mut theirs) {
+            times.extend(workload.and_then(|workload| peer.run(workload)));
+        }
+    }
+    let ours = median(times);
+    let found = PEERS.iter().zip(theirs).filter(|(_, times)| !times.is_empty());
+    let ratios = found.map(|(peer, times)| format!("{:.2} x {}", ours / (median(times) * 1e6), peer.name));
+    (ours / operations, ratios.collect::<Vec<_>>().join(", "))
 }
 
 // ---------------------------------------------------------------------------------------------
@@ -192,9 +230,15 @@ fn plans(wanted: &dyn Fn(&str) -> bool) {
     edited(wanted);
 }
 
-/// The same plan calls with edits at some of the slots, that change nothing.
+/// Plan calls in a copy of a tree, with edits of a parameter at some of the slots.
 fn edited(wanted: &dyn Fn(&str) -> bool) {
-    for (name, every) in [("plan/edits-at-1-percent", 100), ("plan/edits-everywhere", 1)] {
+    let workloads = [
+        ("plan/edits-nowhere", None, "i", "copying the tree included, as in those that follow"),
+        ("plan/edits-at-1-percent", Some(100), "i", "same value"),
+        ("plan/edits-everywhere", Some(1), "i", "same value, must + 20 ns"),
+        ("plan/edits-other-value", Some(1), "(+ i 1)", "another value, must + 20 ns"),
+    ];
+    for (name, every, value, note) in workloads {
         if !wanted(name) {
             continue;
         }
@@ -202,11 +246,12 @@ fn edited(wanted: &dyn Fn(&str) -> bool) {
             "{PLANS}
              (def-plan main ()
                (let* ((tree (run-plan rounds :args '(10000)))
-                      (edits (map (lambda (i) (with-param (make-path (list 'rounds (list 'leaf (+ 1 (* {every} i))))) :i i))
+                      (edits (map (lambda (i) (with-param (make-path (list 'rounds (list 'leaf (+ 1 (* {} i))))) :i {value}))
                                   (range 0 {}))))
                  (edit-tree tree edits)))
              (def-plan again (tree) (run-plan rounds :args '(10000) :tree tree))",
-            10_000 / every
+            every.unwrap_or(0),
+            every.map_or(0, |every| 10_000 / every)
         );
         let mut program = Program::new(&text, "main");
         let tree = program.run(&[]).0;
@@ -217,7 +262,7 @@ fn edited(wanted: &dyn Fn(&str) -> bool) {
             program.session.call(again, vec![tree.clone()], &mut String::new()).expect("it succeeds");
             times.push(ns(start.elapsed()));
         }
-        line(name, median(times) / 10_000.0, "call", "(copying the tree included)");
+        line(name, median(times) / 10_000.0, "call", &format!("({note})"));
     }
 }
 
@@ -321,9 +366,11 @@ const TASKS: &str = "
   (dotimes (i rounds) (let ((go (fluent))) (par (par-loop (x xs) (wait-for go)) (seq (sleep 1) (set-value go true))))))
 (def-plan sleeps (xs rounds) (dotimes (i rounds) (par-loop (x xs) (sleep x))))
 (def-plan evaporates (xs rounds) (dotimes (i rounds) (pursue (par-loop (x xs) (sleep 1000000)) (sleep 1))))
-(def-plan parked (xs rounds)
+(def-plan parked (xs forms)
   (let ((go (fluent)))
-    (par (par-loop (x xs) (wait-for go)) (seq (sleep 1) (dotimes (i 10000000)) (set-value go true)))))
+    (par
+      (par-loop (form forms) (par-loop (x xs) (wait-for go)))
+      (seq (sleep 1) (dotimes (i 10000000)) (set-value go true)))))
 (def-plan hands-over (n)
   (let ((ping (fluent)) (pong (fluent)))
     (par
@@ -350,59 +397,57 @@ fn tasks(wanted: &dyn Fn(&str) -> bool) {
         }
         let mut program = Program::new(TASKS, plan);
         let args = vec![Value::list((0..n).map(Value::int).collect::<Vec<_>>()), Value::int(BRANCHES / n)];
-        let (mut times, mut theirs) = (Vec::new(), Vec::new());
-        for _ in 0..RUNS {
+        let ours = || {
             program.session.machine.restart(false);
             let start = ProcessTime::now();
             let outcome = program.session.call(program.function, args.clone(), &mut String::new());
-            times.push(ns(start.elapsed()));
+            let time = ns(start.elapsed());
             outcome.expect("it succeeds");
-            theirs.extend(lua(&format!("park{n}")).filter(|_| plan == "parks"));
-        }
-        let ours = median(times) / BRANCHES as f64;
-        let ratio = match theirs.is_empty() {
-            true => String::new(),
-            false => format!(", {:.2} x Lua 5.4", ours / (median(theirs) * 1e6 / BRANCHES as f64)),
+            time
         };
-        line(name, ours, "branch", &format!("({note}){ratio}"));
+        let peers = (plan == "parks").then(|| format!("park{n}"));
+        let (time, ratios) = beside_peers(peers.as_deref(), BRANCHES as f64, ours);
+        line(name, time, "branch", &format!("({note}) {ratios}"));
     }
-    if wanted("task/bytes") {
-        let output = Command::new(std::env::current_exe().expect("it runs")).env(MEASURE_BYTES, "1").output();
-        let bytes = output.ok().and_then(|output| String::from_utf8(output.stdout).ok()).unwrap_or_default();
-        println!("{:<34} {:>10} bytes per branch that waits (must 600)", "task/bytes", bytes.trim());
+    for n in [10, 1_000, BRANCHES] {
+        let name = format!("task/bytes/{n}");
+        if wanted(&name) {
+            let this = std::env::current_exe().expect("it runs");
+            let output = Command::new(this).env(MEASURE_BYTES, n.to_string()).output();
+            let bytes = output.ok().and_then(|it| String::from_utf8(it.stdout).ok()).unwrap_or_default();
+            let theirs = PEERS.iter().filter_map(|peer| Some((peer.name, peer.run("bytes")?)));
+            let theirs: Vec<String> = theirs.map(|(name, bytes)| format!("{name} {bytes:.0}")).collect();
+            let (bytes, theirs) = (bytes.trim(), theirs.join(", "));
+            println!("{name:<34} {bytes:>10} bytes per branch that waits (must 600) {theirs}");
+        }
     }
     if wanted("task/hand-off") {
         const ROUNDS: i64 = 50_000;
         let mut program = Program::new(TASKS, "hands-over");
-        let (mut times, mut theirs) = (Vec::new(), Vec::new());
-        for _ in 0..RUNS {
+        let (time, ratios) = beside_peers(Some("hand-off"), (2 * ROUNDS) as f64, || {
             program.session.machine.restart(false);
-            times.push(program.run(&[ROUNDS]).1 / (2 * ROUNDS) as f64);
-            theirs.extend(lua("hand-off").map(|ms| ms * 1e6 / (2 * ROUNDS) as f64));
-        }
-        let ours = median(times);
-        let note = match theirs.is_empty() {
-            true => "lua5.4 is not installed".to_string(),
-            false => format!("{:.2} x Lua 5.4 (resume and yield)", ours / median(theirs)),
-        };
-        line("task/hand-off", ours, "hand-off", &note);
+            program.run(&[ROUNDS]).1
+        });
+        line("task/hand-off", time, "hand-off", &format!("{ratios} (resume and yield)"));
     }
 }
 
 /// Set in a process of its own that measures memory: pages that have been used before tell nothing.
 const MEASURE_BYTES: &str = "PLEACH_MEASURE_BYTES";
 
-/// What a branch that waits takes, with its node: resident memory, as it is measured of the peers.
-fn parked_bytes() -> i64 {
+/// What a branch that waits takes, with its node, in forms of so many: resident memory, as it is measured of
+/// the peers.
+fn parked_bytes(n: i64) -> i64 {
     let resident = || -> i64 {
         let pages = std::fs::read_to_string("/proc/self/statm").unwrap_or_default();
         pages.split(' ').nth(1).and_then(|it| it.parse().ok()).unwrap_or(0) * 4096
     };
     let mut program = Program::new(TASKS, "parked");
-    let xs = Value::list((0..BRANCHES).map(Value::int).collect::<Vec<_>>());
+    let list = |n: i64| Value::list((0..n).map(Value::int).collect::<Vec<_>>());
+    let args = vec![list(n), list(BRANCHES / n)];
     let before = resident();
     let machine = &mut program.session.machine;
-    machine.start(program.function, vec![xs, Value::int(1)]);
+    machine.start(program.function, args);
     // In the long loop, while all others wait.
     let stop = machine.steps() + 5_000_000;
     let progress = program.session.go(&mut String::new(), Some(stop));

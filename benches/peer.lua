@@ -1,4 +1,4 @@
--- The workloads of budget.rs in Lua 5.4. Prints the milliseconds of the measured part.
+-- The workloads of budget.rs in Lua. Prints the milliseconds of the measured part, or bytes.
 local function fib(n) if n < 2 then return n end return fib(n - 1) + fib(n - 2) end
 local function tak(x, y, z)
   if y >= x then return z end
@@ -26,7 +26,7 @@ end
 -- As many coroutines in all, so many at a time: each waits for one event, then ends.
 local function park(n)
   local done = 0
-  for _ = 1, 100000 // n do
+  for _ = 1, math.floor(100000 / n) do
     local tasks = {}
     for i = 1, n do
       local task = coroutine.create(function() done = done + coroutine.yield() end)
@@ -36,6 +36,17 @@ local function park(n)
     for i = 1, n do coroutine.resume(tasks[i], 1) end
   end
   return done
+end
+-- What a coroutine that waits takes.
+local function bytes(n)
+  local tasks = {}
+  collectgarbage()
+  local before = collectgarbage("count")
+  for i = 1, n do
+    tasks[i] = coroutine.create(function() coroutine.yield(tasks) end)
+    coroutine.resume(tasks[i])
+  end
+  return (collectgarbage("count") - before) * 1024 / n
 end
 local function hand_off(n)
   local other = coroutine.create(function() while true do coroutine.yield() end end)
@@ -51,6 +62,11 @@ local workloads = {
   queens10 = function() return try(upto(10), nil, nil) end,
   closure = function() return closures(1000000) end,
 }
+if arg[1] == "bytes" then
+  print(bytes(100000))
+  return
+end
+if not workloads[arg[1]] then return end
 local start = os.clock()
 workloads[arg[1]]()
 print((os.clock() - start) * 1000)

@@ -266,10 +266,12 @@ fn record_line(session: &Session, tree: &Tree, rec: RecId) -> String {
         Some(_) => add(format_args!(" {}", vm::show::failure_json(program, &record.value, 0))),
         None => add(format_args!(" {}", text_of(session, &record.value))),
     }
+    if tree.is_changed(rec) {
+        add(format_args!(" written ({})", values(&tree.written_args(rec))));
+    }
     if let Some(extra) = tree.extra(rec) {
         let grounded = extra.grounded.as_ref().map(|value| text_of(session, value));
-        let written = extra.written.as_deref().map(values);
-        add(format_args!(" {grounded:?} {written:?} {:?} {:?}", extra.performed_in, extra.notes));
+        add(format_args!(" {grounded:?} {:?} {:?}", extra.performed_in, extra.notes));
     }
     line
 }

@@ -458,10 +458,12 @@ impl<'p> Oracle<'_, 'p> {
         let mut rec = call.rec;
         if self.run.tree.records[rec].status.is_final() {
             let first = self.run.tree.records[rec].clone();
+            let (written, args) = (first.written.clone(), call.args.clone());
+            let entered = written.as_ref().unwrap_or(&args).clone();
             let now = self.run.now;
-            rec = self.run.tree.enter(call.here.rec, call.slot, first.kind, call.args.clone(), now);
+            rec = self.run.tree.enter(call.here.rec, call.slot, first.kind, entered, now);
             let it = &mut self.run.tree.records[rec];
-            (it.written, it.performed_in) = (first.written, first.performed_in);
+            (it.args, it.written, it.performed_in) = (args, written, first.performed_in);
         }
         let replaces = self.edits_of(call, |what| matches!(what, What::Replace(_))).len();
         self.stacks.bodies.push((rec, call.clone()));

@@ -548,10 +548,11 @@ impl<'p> Oracle<'_, 'p> {
     fn again(&mut self, owed: &Obligation<'p>) -> usize {
         let old = self.run.tree.records[owed.rec].clone();
         let parent = old.parent.expect("only the root has no parent");
+        let entered = old.written.as_ref().unwrap_or(&old.args).clone();
         let now = self.run.now;
-        let rec = self.run.tree.enter(parent, owed.slot, old.kind, old.args, now);
+        let rec = self.run.tree.enter(parent, owed.slot, old.kind, entered, now);
         let it = &mut self.run.tree.records[rec];
-        (it.written, it.performed_in) = (old.written, old.performed_in);
+        (it.args, it.written, it.performed_in) = (old.args, old.written, old.performed_in);
         rec
     }
 

@@ -143,7 +143,7 @@ impl Text {
                     status: record.status,
                     why: record.why,
                     args: &tree.args(*rec),
-                    written: extra.written.as_deref(),
+                    written: tree.is_changed(*rec).then(|| tree.written_args(*rec)).as_deref(),
                     grounded: extra.grounded.as_ref(),
                     value: &record.value,
                     notes: &extra.notes,

@@ -196,11 +196,12 @@ impl Tree {
         for record in &self.records {
             let it = self.mirror.record_mut(record.mirror);
             (it.why, it.start) = (record.why, record.start);
-            self.mirror.set_args(record.mirror, &record.args);
+            if record.written.is_some() {
+                self.mirror.change_args(record.mirror, &record.args);
+            }
             let performed_in = record.performed_in.map(|slot| self.slots[slot].mirror);
-            let (grounded, written, notes) =
-                (record.grounded.clone(), record.written.clone(), record.notes.clone());
-            *self.mirror.extra_mut(record.mirror) = Extra { grounded, written, performed_in, notes };
+            let (grounded, notes) = (record.grounded.clone(), record.notes.clone());
+            *self.mirror.extra_mut(record.mirror) = Extra { grounded, performed_in, notes };
         }
     }
 

@@ -7,6 +7,8 @@
 //! does not meet them: each function lists its forms as ranges of instructions, outer before
 //! inner, and whoever has to know where a frame stands looks its program counter up.
 
+use std::cell::Cell;
+
 use crate::failure::FailureTypes;
 use crate::native::Native;
 use crate::op::Op;
@@ -75,6 +77,8 @@ pub struct Program {
     pub rules: crate::rules::Rules,
     /// The function that says which plan performs a description, if a module provides one.
     pub ground: Option<FnId>,
+    /// The function that was looked for last: most often it is the next one, too.
+    found: Cell<FnId>,
 }
 
 /// What a function is.
@@ -279,12 +283,23 @@ pub enum FormKind {
 
 impl Program {
     /// The function that an instruction belongs to.
+    #[inline]
     #[must_use]
     pub fn function_at(&self, pc: Pc) -> Option<FnId> {
+        let last = self.found.get();
+        if self.has(last, pc) { Some(last) } else { self.find_function(pc) }
+    }
+
+    fn has(&self, function: FnId, pc: Pc) -> bool {
+        self.functions.get(function.at()).is_some_and(|it| it.entry <= pc && pc < it.end)
+    }
+
+    #[inline(never)]
+    fn find_function(&self, pc: Pc) -> Option<FnId> {
         let after = self.extents.partition_point(|(entry, _)| *entry <= pc);
         let (_, id) = self.extents[after.checked_sub(1)?];
-        let function = self.functions.get(id.at())?;
-        (function.entry <= pc && pc < function.end).then_some(id)
+        self.found.set(id);
+        self.has(id, pc).then_some(id)
     }
 
     /// The innermost form around an instruction, as an index into [`Program::forms`].

@@ -57,7 +57,7 @@ pub(crate) struct Waiter {
     /// Which of its waits.
     pub token: u64,
     /// The position of its stack that takes the value.
-    pub register: usize,
+    pub register: u32,
     /// What it waits for.
     pub until: Until,
 }
@@ -120,13 +120,14 @@ impl Fluent {
 
     /// Gives it a value. Those who waited for that are taken out; nothing if it had this value.
     pub(crate) fn set(&self, value: Value) -> Option<Vec<(Waiter, Value)>> {
-        let old = self.value.borrow().clone();
-        if crate::value::equal(&old, &value, crate::value::COMPARE_LIMIT) == Some(true) {
+        let holds = self.value.borrow();
+        if crate::value::equal(&holds, &value, crate::value::COMPARE_LIMIT) == Some(true) {
             return None;
         }
-        if value.is_true() && !old.is_true() {
+        if value.is_true() && !holds.is_true() {
             self.rises.set(self.rises.get() + 1);
         }
+        drop(holds);
         self.put(value);
         Some(self.take_woken())
     }

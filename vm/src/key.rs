@@ -9,6 +9,8 @@
 use std::cell::RefCell;
 use std::rc::Rc;
 
+use hashbrown::HashTable;
+use hashbrown::hash_table::Entry;
 use rustc_hash::FxHashMap;
 
 use crate::code::SiteId;
@@ -22,8 +24,9 @@ pub enum Element {
     Int(i64),
     /// A symbol.
     Symbol(Symbol),
-    /// Any other value that prints as text that reads back, as that text.
-    Text(Rc<str>),
+    /// Any other value that prints as text that reads back, as that text. (Behind a thin pointer: there are
+    /// many steps.)
+    Text(Rc<Box<str>>),
 }
 
 impl Element {
@@ -33,7 +36,7 @@ impl Element {
         match value {
             Value::Imm(Imm::Int(i)) => Some(Element::Int(*i)),
             Value::Imm(Imm::Symbol(name)) => Some(Element::Symbol(*name)),
-            _ if is_storable(value) => Some(Element::Text(crate::print::write(value).into())),
+            _ if is_storable(value) => Some(Element::Text(Rc::new(crate::print::write(value).into()))),
             _ => None,
         }
     }
@@ -133,7 +136,9 @@ pub struct Key {
 #[derive(Debug, Clone)]
 pub struct Keys {
     links: Vec<Link>,
-    index: FxHashMap<(Chain, Step), Chain>,
+    /// The chains by the hashes of their links: four bytes for a chain, which need not be hashed again
+    /// when the table grows.
+    index: HashTable<Chain>,
 }
 
 #[derive(Debug, Clone)]
@@ -143,10 +148,13 @@ struct Link {
     hash: u64,
 }
 
+/// A branch has a link of its own.
+const _: () = assert!(size_of::<Link>() <= 40);
+
 impl Default for Keys {
     fn default() -> Keys {
         let nothing = Link { before: Chain::EMPTY, step: Step::Number(0), hash: 0 };
-        Keys { links: vec![nothing], index: FxHashMap::default() }
+        Keys { links: vec![nothing], index: HashTable::new() }
     }
 }
 
@@ -161,22 +169,27 @@ impl Keys {
         if let Some(direct) = direct.filter(|_| chain == Chain::EMPTY) {
             return direct;
         }
-        let next = Chain(self.links.len() as u32);
-        let entry = self.index.entry((chain, step));
-        if let std::collections::hash_map::Entry::Occupied(known) = &entry {
-            return *known.get();
-        }
-        let step = entry.key().1.clone();
-        entry.insert_entry(next);
         let hash = mix(self.hash(chain) ^ step_hash(&step, site_hash));
-        self.links.push(Link { before: chain, step, hash });
-        next
+        let Keys { links, index } = self;
+        let is_it = |known: &Chain| {
+            let link = &links[known.0 as usize];
+            link.before == chain && link.step == step
+        };
+        match index.entry(hash, is_it, |known| links[known.0 as usize].hash) {
+            Entry::Occupied(known) => *known.get(),
+            Entry::Vacant(room) => {
+                let next = Chain(links.len() as u32);
+                room.insert(next);
+                links.push(Link { before: chain, step, hash });
+                next
+            }
+        }
     }
 
-    /// The chain with one more step, if it is known.
-    #[must_use]
-    pub fn find(&self, chain: Chain, step: &Step) -> Option<Chain> {
-        self.index.get(&(chain, step.clone())).copied()
+    /// Forgets all chains and keeps the memory.
+    pub fn forget(&mut self) {
+        self.links.truncate(1);
+        self.index.clear();
     }
 
     /// The steps of a chain, first to last.
@@ -233,18 +246,41 @@ struct Counted {
     rest: Value,
     /// The step of the last element counted.
     step: Step,
+    rounds: Rounds,
+}
+
+/// Gives the rounds of a loop over a list their steps.
+#[derive(Debug, Clone, Default)]
+pub struct Rounds {
     /// Number of the last round.
-    round: u32,
+    number: u32,
     /// How often each element came.
     seen: FxHashMap<Element, u32>,
+}
+
+impl Rounds {
+    /// Room for so many.
+    #[must_use]
+    pub fn with_capacity(n: usize) -> Rounds {
+        Rounds { number: 0, seen: FxHashMap::with_capacity_and_hasher(n, Default::default()) }
+    }
+
+    /// The step of the next round, which is for this element.
+    pub fn next(&mut self, value: &Value) -> Step {
+        self.number += 1;
+        let Some(element) = Element::of(value) else { return Step::Number(self.number) };
+        let count = self.seen.entry(element.clone()).or_insert(0);
+        let step = Step::Round(element, *count);
+        *count += 1;
+        step
+    }
 }
 
 impl Ranks {
     /// Ranks for the elements of `list`, none counted.
     #[must_use]
     pub fn new(list: Value) -> Ranks {
-        let step = Step::Number(0);
-        Ranks(RefCell::new(Counted { rest: list, step, round: 0, seen: FxHashMap::default() }))
+        Ranks(RefCell::new(Counted { rest: list, step: Step::Number(0), rounds: Rounds::default() }))
     }
 
     /// The step of the round after whose element `rest` is left.
@@ -253,44 +289,18 @@ impl Ranks {
         let counted = &mut *self.0.borrow_mut();
         while !counted.rest.identical(rest) {
             let Some((first, after)) = counted.rest.cell() else { break };
-            counted.add(&first);
+            counted.step = counted.rounds.next(&first);
             counted.rest = after;
         }
         counted.step.clone()
     }
-}
 
-impl Ranks {
     /// The steps of the rounds that follow, when `rest` is left.
     #[must_use]
     pub fn to_come(&self, rest: &Value) -> Vec<Step> {
         let _ = self.step(rest);
-        let counted = self.0.borrow();
-        let mut ahead = Counted {
-            rest: Value::NIL,
-            step: Step::Number(0),
-            round: counted.round,
-            seen: counted.seen.clone(),
-        };
-        rest.iter()
-            .map(|element| {
-                ahead.add(element);
-                ahead.step.clone()
-            })
-            .collect()
-    }
-}
-
-impl Counted {
-    fn add(&mut self, value: &Value) {
-        self.round += 1;
-        let Some(element) = Element::of(value) else {
-            self.step = Step::Number(self.round);
-            return;
-        };
-        let count = self.seen.entry(element.clone()).or_insert(0);
-        self.step = Step::Round(element, *count);
-        *count += 1;
+        let mut ahead = self.0.borrow().rounds.clone();
+        rest.iter().map(|element| ahead.next(element)).collect()
     }
 }
 

@@ -35,7 +35,7 @@ pub fn params(program: &Program, tree: &Tree, rec: RecId) -> Vec<(Symbol, Value)
 /// The arguments of a record as its call gives them: called with these, the plan gets them again.
 #[must_use]
 pub fn written(program: &Program, tree: &Tree, rec: RecId) -> Vec<Value> {
-    let args = tree.extra(rec).and_then(|extra| extra.written.clone()).unwrap_or_else(|| tree.args(rec));
+    let args = tree.written_args(rec);
     match plan_params(program, tree, rec) {
         Some(params) if tree.record(rec).kind == NodeKind::Plan => params.written(args),
         _ => args,
@@ -45,7 +45,7 @@ pub fn written(program: &Program, tree: &Tree, rec: RecId) -> Vec<Value> {
 /// The parameters as the call gives them, by their names, where edits have changed them.
 #[must_use]
 pub fn written_params(program: &Program, tree: &Tree, rec: RecId) -> Option<Vec<(Symbol, Value)>> {
-    let args = tree.extra(rec)?.written.clone()?;
+    let args = tree.is_changed(rec).then(|| tree.written_args(rec))?;
     Some(named(program, tree, rec, args))
 }
 
@@ -324,23 +324,22 @@ fn node_json(
     node.insert("start".into(), json!(record.start as f64 / 1e9));
     let end = record.status.is_final().then_some(record.end as f64 / 1e9);
     node.insert("end".into(), json!(end));
-    if let Some(extra) = tree.extra(rec) {
-        if let Some(grounded) = &extra.grounded {
-            node.insert("grounded".into(), write(grounded));
-        }
-        if extra.written.is_some() {
-            let written = written(program, tree, rec);
-            node.insert("written".into(), Json::Array(written.iter().map(write).collect()));
-        }
-        if let Some(params) = written_params(program, tree, rec) {
-            node.insert("written-params".into(), Json::Object(by_name(params)));
-        }
-        if let Some(slot) = extra.performed_in {
-            node.insert("performed-in".into(), json!(Path::of(tree, slot).show()));
-        }
-        if !extra.notes.is_empty() {
-            node.insert("notes".into(), json!(extra.notes));
-        }
+    let extra = tree.extra(rec);
+    if let Some(grounded) = extra.and_then(|it| it.grounded.as_ref()) {
+        node.insert("grounded".into(), write(grounded));
+    }
+    if tree.is_changed(rec) {
+        let written = written(program, tree, rec);
+        node.insert("written".into(), Json::Array(written.iter().map(write).collect()));
+    }
+    if let Some(params) = written_params(program, tree, rec) {
+        node.insert("written-params".into(), Json::Object(by_name(params)));
+    }
+    if let Some(slot) = extra.and_then(|it| it.performed_in) {
+        node.insert("performed-in".into(), json!(Path::of(tree, slot).show()));
+    }
+    if let Some(extra) = extra.filter(|it| !it.notes.is_empty()) {
+        node.insert("notes".into(), json!(extra.notes));
     }
     let edits = tree.edits_of(slot).iter().map(|id| &tree.edits[*id as usize - 1].edit);
     let edits: Vec<Json> =

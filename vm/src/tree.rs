@@ -15,6 +15,7 @@
 //! 3. Parents have smaller numbers than their children, slots as well as records.
 
 use std::collections::BTreeMap;
+use std::rc::Rc;
 
 use rustc_hash::FxHashMap;
 
@@ -230,7 +231,7 @@ pub struct Record {
     args: u8,
     /// What became of it.
     pub status: Status,
-    /// [`RETRIED`], [`DRIVEN`], [`MOVED`], [`COUNTED`], [`ATTEMPTED`].
+    /// [`RETRIED`], [`DRIVEN`], [`MOVED`], [`COUNTED`], [`ATTEMPTED`], [`CHANGED`].
     pub flags: u8,
     /// What kind of node it makes.
     pub kind: NodeKind,
@@ -262,13 +263,14 @@ pub const COUNTED: u8 = 8;
 /// Its body has been begun: what runs it again is another attempt.
 pub const ATTEMPTED: u8 = 16;
 
+/// Edits have changed its parameters; before these stand the ones that the plan gives.
+pub const CHANGED: u8 = 32;
+
 /// What few records have.
 #[derive(Debug, Clone, Default)]
 pub struct Extra {
     /// The call that a description was grounded to.
     pub grounded: Option<Value>,
-    /// The parameters as the plan gives them, where an edit changed them.
-    pub written: Option<Vec<Value>>,
     /// The slot of the form that it was performed in, where that is not its parent.
     pub performed_in: Option<SlotId>,
     /// What the tree has to say about edits here: guards that did not hold, places not ahead.
@@ -331,9 +333,10 @@ pub struct Tree {
     pub keys: Keys,
     index: Vec<FxHashMap<Key, SlotId>>,
     extras: BTreeMap<RecId, Extra>,
-    /// The edits, in the order in which they were accepted; their numbers begin at 1.
-    pub edits: Vec<Accepted>,
-    edits_at: Vec<Vec<u32>>,
+    /// The edits, in the order in which they were accepted; their numbers begin at 1. Runs of a tree share
+    /// them.
+    pub edits: Rc<Vec<Accepted>>,
+    edits_at: Rc<Vec<Vec<u32>>>,
     /// Counts changes: what was read of the tree holds as long as this stays the same.
     pub changes: u64,
     run: u32,
@@ -350,8 +353,8 @@ impl Default for Tree {
             keys: Keys::default(),
             index: Vec::new(),
             extras: BTreeMap::new(),
-            edits: Vec::new(),
-            edits_at: Vec::new(),
+            edits: Rc::default(),
+            edits_at: Rc::default(),
             changes: 0,
             run: 0,
             fresh_from: 0,
@@ -366,10 +369,10 @@ impl Tree {
     /// Forgets all places and edits, and keeps the memory.
     pub fn forget(&mut self) {
         self.slots.clear();
-        self.keys = Keys::default();
+        self.keys.forget();
         self.index.clear();
-        self.edits.clear();
-        self.edits_at.clear();
+        self.edits = Rc::default();
+        self.edits_at = Rc::default();
         let name = Symbol::from("top-level");
         self.slots.push(Slot { name, ..Slot::default() });
         self.slots.push(Slot { name, hash: crate::random::hash_text(&name), ..Slot::default() });
@@ -381,13 +384,25 @@ impl Tree {
         self.params.clear();
         self.extras.clear();
         self.run += 1;
-        self.fresh_from = self.slots.len as u32;
+        // A root without children is as new as what is made in this run.
+        self.fresh_from = if self.has_children(ROOT) { self.slots.len as u32 } else { ROOT.0 };
         self.records.push(Record::default());
         let root = Record { slot: ROOT, attempt: 1, status: Status::Running, ..Record::default() };
         let rec = RecId(self.records.push(root));
         let slot = self.slots.get_mut(ROOT.0);
         (slot.run, slot.since, slot.rec) = (self.run, rec, rec);
         rec
+    }
+
+    /// The root calls something else in the same run, beside what it has called.
+    pub fn begin_again(&mut self) {
+        if self.has_children(ROOT) {
+            self.retried(RecId(1));
+        }
+    }
+
+    fn has_children(&self, slot: SlotId) -> bool {
+        self.slots.get(slot.0).first != SlotId(0)
     }
 
     /// A tree with the same slots and edits, for a run to begin in.
@@ -599,14 +614,35 @@ impl Tree {
         Some(self.slots.get(slot.0).plan).filter(|plan| *plan != FnId(0))
     }
 
-    /// Puts other parameters in the place of those of a record.
-    pub fn set_args(&mut self, rec: RecId, args: &[Value]) {
+    /// Puts other parameters in the place of those of a record, which stay beside them.
+    pub fn change_args(&mut self, rec: RecId, args: &[Value]) {
+        let written = self.place_of_written(rec);
+        let end = written + u32::from(self.record(rec).args);
+        if end as usize != self.params.len {
+            for at in written..end {
+                let value = self.params.get(at).clone();
+                self.params.push(value);
+            }
+        }
         let params = self.params.len as u32;
         for arg in args {
             self.params.push(arg.clone());
         }
         let record = self.records.get_mut(rec.0);
-        (record.params, record.args) = (params, args.len() as u8);
+        record.params = params;
+        record.flags |= CHANGED;
+        debug_assert!(args.len() == record.args as usize, "edits change parameters, not their number");
+    }
+
+    /// True if edits have changed the parameters of a record.
+    #[must_use]
+    pub fn is_changed(&self, rec: RecId) -> bool {
+        self.record(rec).flags & CHANGED != 0
+    }
+
+    fn place_of_written(&self, rec: RecId) -> u32 {
+        let record = self.record(rec);
+        record.params - if self.is_changed(rec) { u32::from(record.args) } else { 0 }
     }
 
     // ------------------------------------------------------------------ edits
@@ -624,15 +660,15 @@ impl Tree {
     /// Adds an edit at a slot. Returns its number.
     pub fn add_edit(&mut self, slot: SlotId, edit: Accepted) -> u32 {
         self.changes += 1;
-        self.edits.push(edit);
+        Rc::make_mut(&mut self.edits).push(edit);
         let id = self.edits.len() as u32;
+        let edits_at = Rc::make_mut(&mut self.edits_at);
         let it = self.slots.get_mut(slot.0);
         if it.edits == 0 {
-            self.edits_at.push(Vec::new());
-            it.edits = self.edits_at.len() as u32;
+            edits_at.push(Vec::new());
+            it.edits = edits_at.len() as u32;
         }
-        let at = it.edits as usize - 1;
-        self.edits_at[at].push(id);
+        edits_at[it.edits as usize - 1].push(id);
         id
     }
 
@@ -649,9 +685,6 @@ impl Tree {
     pub fn record(&self, rec: RecId) -> &Record {
         self.records.get(rec.0)
     }
-    /// Its body has been begun: what runs it again is another attempt.
-    pub const ATTEMPTED: u8 = 16;
-
     /// What few records have.
     #[must_use]
     pub fn extra(&self, rec: RecId) -> Option<&Extra> {
@@ -662,6 +695,18 @@ impl Tree {
     pub fn args(&self, rec: RecId) -> Vec<Value> {
         let record = self.record(rec);
         (0..u32::from(record.args)).map(|i| self.params.get(record.params + i).clone()).collect()
+    }
+    /// The parameters of a record as the plan gives them, before edits have changed them.
+    #[must_use]
+    pub fn written_args(&self, rec: RecId) -> Vec<Value> {
+        let first = self.place_of_written(rec);
+        (0..u32::from(self.record(rec).args)).map(|i| self.params.get(first + i).clone()).collect()
+    }
+    /// One of the parameters of a record, by its number.
+    #[must_use]
+    pub fn arg(&self, rec: RecId, at: u8) -> Option<&Value> {
+        let record = self.record(rec);
+        (at < record.args).then(|| self.params.get(record.params + u32::from(at)))
     }
     /// How many records this run has made.
     #[must_use]

@@ -8,11 +8,12 @@ use crate::host::Host;
 use crate::key::{Chain, Key, Ranks, Step};
 use crate::native::{Next, Raise, map_key, type_error};
 use crate::op::{Count, Op};
-use crate::tree::{NodeKind, RecId, Status};
+use crate::tree::{NodeKind, RecId, SlotId, Status};
 use crate::value::{Imm, Obj, Symbol, Value, live};
 
-use super::drive::{Call, Driver};
-use super::{Ctx, CtxParts, Exit, Frame, Here, MEMO, Machine, Occurrences, RESUME, Run, hot};
+use super::drive::{Body, Call, Driver};
+use super::edited::Edited;
+use super::{Ctx, CtxParts, Exit, Frame, Here, MEMO, Machine, RESUME, Run, hot};
 
 /// The site of calls that stand in no source: the plan of `run-plan`.
 pub(super) fn root_site() -> Site {
@@ -53,8 +54,11 @@ impl Machine {
                     Ok(Some(exit)) => return exit,
                     Err(raise) => raise,
                 },
-                hot::Out::Slow(op) => {
-                    let done = self.slow(host, op, left);
+                hot::Out::Slow(op) | hot::Out::Edited(op, _) => {
+                    let done = match out {
+                        hot::Out::Edited(_, slot) => self.call_edited(host, op, slot),
+                        _ => self.slow(host, op, left),
+                    };
                     if self.beside > 0 {
                         self.count_beside(left);
                     }
@@ -488,7 +492,7 @@ impl Machine {
         d: u8,
         site: SiteId,
         callee: FnId,
-        args: Vec<Value>,
+        mut args: Vec<Value>,
     ) -> Slow {
         let name = self.program.functions[callee.at()].name;
         let slot = self.slot_of_call(site, name);
@@ -498,31 +502,49 @@ impl Machine {
             run.tree.calls(slot, callee);
         }
         let parent = run.record(run.here);
-        if run.tree.edits_of(slot).is_empty() {
-            let rec = run.tree.enter(parent, slot, NodeKind::Plan, &args, run.now);
-            run.note_late(rec);
-            self.trace_start(host, rec);
-            self.enter(d, callee, args, &[]);
-            self.top().here = Here(rec.0);
-            return Ok(None);
+        let run = &self.runs[self.runs.len() - 1];
+        let edited = Edited { program: &self.program, tree: &run.tree, slot, body: Body::Plan(callee) };
+        if !edited.only_changes_params(&args) {
+            return self.drive(host, d, Call::of_plan(slot, parent, callee, args));
         }
+        let run = self.top();
+        let rec = run.tree.enter(parent, slot, NodeKind::Plan, &args, run.now);
+        run.note_late(rec);
+        self.trace_start(host, rec);
+        let Machine { program, runs, .. } = self;
+        let tree = &mut runs.last_mut().expect("a machine has a run").tree;
+        if !tree.edits_of(slot).is_empty() {
+            hot::change_params(program, tree, (rec, slot), callee, &mut args);
+        }
+        self.enter(d, callee, args, &[]);
+        self.top().here = Here(rec.0);
+        Ok(None)
+    }
+
+    /// A call of a plan at this slot, from its node, that edits drive.
+    fn call_edited(&mut self, host: &mut dyn Host, op: Op, slot: SlotId) -> Slow {
+        let Op::CallPlan(d, w, site) = op else { return Ok(None) };
+        let site = &self.program.sites[site.at()];
+        let Some(callee) = site.callee else { return Ok(None) };
+        let args = self.registers(w, site.args).to_vec();
+        let run = self.top();
+        let parent = run.record(run.here);
         self.drive(host, d, Call::of_plan(slot, parent, callee, args))
     }
 
     /// The slot of a call at `site` from the running frame, made if it is new.
-    pub(super) fn slot_of_call(&mut self, site: SiteId, name: Symbol) -> crate::tree::SlotId {
-        self.slot_of(site, name, None)
+    pub(super) fn slot_of_call(&mut self, site: SiteId, name: Symbol) -> SlotId {
+        let way = self.way_to(site);
+        self.slot_on(way, site, name, None)
     }
 
-    /// The same for one of several branches that begin at `site`, one for each round.
-    pub(super) fn slot_of(&mut self, site: SiteId, name: Symbol, round: Option<Step>) -> crate::tree::SlotId {
+    /// The way from the node to the running frame, and the rounds of the loops around `site` in it.
+    pub(super) fn way_to(&mut self, site: SiteId) -> Way {
         let mut calls = std::mem::take(&mut self.top().levels);
         calls.clear();
         let levels = self.levels(calls);
-        let it = &self.program.sites[site.at()];
-        let (counted, dynamic, hash) = (it.counted, it.callee.is_none(), it.hash);
         let program = &self.program;
-        let Some(run) = self.runs.last_mut() else { return crate::tree::ROOT };
+        let run = self.runs.last_mut().expect("a machine has a run");
         let rec = run.record(run.here);
         let mut chain = levels.start;
         let site_hash = |site: SiteId| program.sites[site.at()].hash;
@@ -542,24 +564,35 @@ impl Machine {
             }
         }
         run.levels = levels.calls;
+        Way { rec, chain }
+    }
+
+    /// The slot of a call at `site`, to which a way leads; for one of several branches that begin there, the
+    /// one with the step of its round.
+    pub(super) fn slot_on(&mut self, way: Way, site: SiteId, name: Symbol, round: Option<Step>) -> SlotId {
+        let Way { rec, mut chain } = way;
+        let program = &self.program;
+        let it = &program.sites[site.at()];
+        let run = self.runs.last_mut().expect("a machine has a run");
+        let site_hash = |site: SiteId| program.sites[site.at()].hash;
         if let Some(round) = round {
             chain = run.tree.keys.then(chain, round, site_hash);
         }
-        if dynamic {
+        if it.callee.is_none() {
             chain = run.tree.keys.then(chain, Step::Name(name), site_hash);
         }
-        if counted || run.tree.record(rec).flags & crate::tree::COUNTED != 0 {
-            let it = run.occurrences.entry(rec).or_insert_with(Occurrences::default);
+        if it.counted || run.tree.record(rec).flags & crate::tree::COUNTED != 0 {
+            let reached = run.occurrences.entry(rec).or_default();
             let key = Key { site, chain };
-            let count = it.counts.entry(key).or_insert(0);
+            let count = reached.counts.entry(key).or_insert(0);
             let before = *count;
             *count += 1;
-            it.journal.push(key);
+            reached.journal.push(key);
             if before > 0 {
                 chain = run.tree.keys.then(chain, Step::Again(before), site_hash);
             }
         }
-        run.tree.child(rec, Key { site, chain }, name, hash)
+        run.tree.child(rec, Key { site, chain }, name, it.hash)
     }
 
     /// The frames between the running one and its node, innermost first.
@@ -576,7 +609,7 @@ impl Machine {
                 match self.program.functions[function.at()].kind {
                     FnKind::Plan | FnKind::Branch | FnKind::TopLevel => break,
                     FnKind::Inserted => {
-                        start = run.inserted(function);
+                        start = run.inserted.get(&function).copied().unwrap_or_default();
                         break;
                     }
                     FnKind::Function | FnKind::Lambda => {}
@@ -621,7 +654,9 @@ impl Machine {
         let run = self.top();
         let now = run.now;
         run.tree.end(rec, status, value, now);
-        run.occurrences.remove(&rec);
+        if !run.occurrences.is_empty() {
+            run.occurrences.remove(&rec);
+        }
         if self.tells && self.runs.len() == 1 {
             let run = &self.runs[self.runs.len() - 1];
             host.trace(&crate::show::trace_end(&self.program, &run.tree, rec));
@@ -680,7 +715,14 @@ pub(super) fn walkable(value: &Value) -> Result<Value, Raise> {
 /// recursion do not walk it again.
 const MEMO_AFTER: usize = 16;
 
-/// The way from a node to the running frame.
+/// The way from a node to a call in it, without what tells apart the calls of one site.
+#[derive(Clone, Copy)]
+pub(super) struct Way {
+    rec: RecId,
+    chain: Chain,
+}
+
+/// The frames between a node and the running frame.
 struct Levels {
     /// Call site and base of each frame, innermost first.
     calls: Vec<(Option<SiteId>, u32)>,
@@ -719,14 +761,6 @@ impl Run {
             self.memos.push((rec, chain));
         }
         Here(at | MEMO)
-    }
-
-    /// The chain that calls in inserted code start with.
-    fn inserted(&self, function: FnId) -> Chain {
-        match self.edit_of.get(&function) {
-            Some(id) => self.tree.keys.find(Chain::EMPTY, &Step::Edit(*id)).unwrap_or_default(),
-            None => Chain::EMPTY,
-        }
     }
 }
 

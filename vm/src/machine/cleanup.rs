@@ -24,9 +24,9 @@ pub(super) struct CleanUp {
 }
 
 impl CleanUp {
-    /// A clean-up that begins `now`, inside of another one or not, in a task that has time until `limit`.
-    pub(super) fn begin(depth: usize, now: u64, outer: Option<&CleanUp>, limit: u64) -> CleanUp {
-        let most = outer.map_or(limit, |outer| outer.deadline);
+    /// A clean-up that begins `now`, inside of another one or not, in a task that may have a limit.
+    pub(super) fn begin(depth: usize, now: u64, outer: Option<&CleanUp>, limit: Option<u64>) -> CleanUp {
+        let most = outer.map_or(limit.unwrap_or(u64::MAX), |outer| outer.deadline);
         CleanUp { depth, deadline: now.saturating_add(TIME_NS).min(most), owed: false }
     }
 
@@ -75,7 +75,7 @@ impl Run {
         for id in self.tasks.ready_tasks() {
             if let Some(last) = self.cleanups_of(id).last_mut().filter(|last| last.deadline <= now) {
                 last.deadline = u64::MAX;
-                self.tasks.get_mut(id).raise = Some(too_long());
+                self.tasks.get_mut(id).will_raise(too_long());
             }
         }
     }

@@ -1,9 +1,10 @@
 //! Drivers: calls that take several steps.
 //!
-//! A plan call without goal or edits is one frame. A performed description has to be grounded
-//! and may have a goal; edits put code before, after, around or instead of a call. Such a call
-//! has a [`Driver`], as parallel forms and obligations have, that says which step is next, and a frame whose program counter is
-//! [`RESUME`]: when what it called returns there, [`Machine::resume`] takes the next step.
+//! A plan call without goal, and without edits or with those that only change parameters, is one frame. A
+//! performed description has to be grounded and may have a goal; edits put code before, after, around or
+//! instead of a call. Such a call has a [`Driver`], as parallel forms and obligations have, that says which step
+//! is next, and a frame whose program counter is [`RESUME`]: when what it called returns there,
+//! [`Machine::resume`] takes the next step.
 //!
 //! ```text
 //!   goal true? ─yes─▶ skipped          wraps ─▶ body (replace ─▶ … ─▶ ground ─▶ plan)
@@ -18,10 +19,13 @@ use crate::failure::{Builtin, Failure};
 use crate::host::Host;
 use crate::native::{Raise, type_error};
 use crate::path::Path;
-use crate::tree::{ATTEMPTED, COUNTED, DRIVEN, MOVED, NodeKind, RecId, SlotId, Status, Tree, Why};
-use crate::value::{Imm, Obj, Symbol, Value};
+use crate::tree::{
+    ATTEMPTED, CHANGED, COUNTED, DRIVEN, MOVED, NodeKind, RecId, Record, SlotId, Status, Tree, Why,
+};
+use crate::value::{Imm, Obj, Value};
 
 use super::call::Slow;
+use super::edited::Edited;
 use super::fork::Fork;
 use super::obligation::Discharge;
 use super::solve::Solve;
@@ -113,7 +117,7 @@ impl Run {
             Some(Driver::Body(Layer { number, rec, .. })) if *number > 0 => {
                 InsertedCode::Replace(*number, *rec)
             }
-            None => return self.tasks.get(self.tasks.loaded).origin.as_deref().cloned(),
+            None => return self.fork_of(self.tasks.loaded)?.origin.as_deref().cloned(),
             _ => return None,
         };
         let call = self.drivers.iter().rev().find_map(|driver| match driver {
@@ -226,7 +230,7 @@ impl Machine {
         run.deliver = deliver;
         // The plan returns to a frame without instructions: its value ends the run.
         run.pc = RESUME;
-        self.runs.push(run);
+        self.runs.push(Box::new(run));
         let name = self.program.functions[function.at()].name;
         let slot = self.slot_of_call(SiteId(0), name);
         self.top().tree.calls(slot, function);
@@ -333,27 +337,24 @@ impl Machine {
     /// Keeps the edits whose guards hold, and changes parameters as they say.
     fn apply_edits(&mut self, call: &mut Call) {
         let run = &self.runs[self.runs.len() - 1];
-        let all: Vec<u32> = run.tree.edits_of(call.slot).to_vec();
-        let mut notes = Vec::new();
+        let edited = Edited { program: &self.program, tree: &run.tree, slot: call.slot, body: call.body };
         let mut args = call.args.clone();
-        for id in all {
-            match self.guard_problem(call, id) {
+        let mut notes = Vec::new();
+        for (id, accepted) in edited.edits() {
+            match edited.problem(accepted, &call.args) {
                 None => {
                     call.edits.push(id);
-                    if let What::WithParam(key, value) = &self.edit(id).what {
-                        self.change_param(call.body, &mut args, *key, value);
-                    }
+                    edited.change_param(&accepted.edit, &mut args);
                 }
                 Some(problem) => notes.push(problem),
             }
         }
         let changed = call.args.iter().zip(&args).any(|(a, b)| !a.identical(b));
+        call.args = args;
         let counted = call.edits.iter().any(|id| matches!(self.edit(*id).what, What::Replace(_)));
         let run = self.top();
         if changed {
-            let written = std::mem::replace(&mut call.args, args);
-            run.tree.extra_mut(call.rec).written = Some(written);
-            run.tree.set_args(call.rec, &call.args);
+            run.tree.change_args(call.rec, &call.args);
         }
         if counted {
             run.tree.record_mut(call.rec).flags |= COUNTED;
@@ -369,76 +370,6 @@ impl Machine {
 
     fn find_edits(&self, call: &Call, wanted: impl Fn(&What) -> bool) -> Vec<u32> {
         call.edits.iter().copied().filter(|id| wanted(&self.edit(*id).what)).collect()
-    }
-
-    /// Why an edit does not hold for a call as made, if it does not.
-    fn guard_problem(&self, call: &Call, id: u32) -> Option<String> {
-        let accepted = &self.runs[self.runs.len() - 1].tree.edits[id as usize - 1];
-        let word = accepted.edit.word();
-        let callee = match call.body {
-            Body::Plan(function) => self.program.functions[function.at()].name,
-            Body::Action | Body::Branch(_) => self.runs[self.runs.len() - 1].tree.slot(call.slot).name,
-        };
-        let is_other_plan =
-            matches!((call.body, accepted.plan), (Body::Plan(now), Some(then)) if now != then);
-        if callee != accepted.callee || is_other_plan {
-            return Some(format!(
-                "{word} not applied: it was made for `{}`, the call is of `{callee}`",
-                accepted.callee
-            ));
-        }
-        for (key, wanted) in &accepted.edit.guard {
-            let actual = self.param(call.body, &call.args, *key);
-            let same = actual
-                .as_ref()
-                .is_some_and(|actual| crate::value::equal(actual, wanted, 100_000) == Some(true));
-            if !same {
-                let given = actual.filter(|value| !value.is_unset());
-                let has = given.map(|value| format!("has {}", crate::print::brief(&value)));
-                return Some(format!(
-                    "{word} not applied: its guard wants :{key} {}, the call {}",
-                    crate::print::brief(wanted),
-                    has.as_deref().unwrap_or("does not give it")
-                ));
-            }
-        }
-        None
-    }
-
-    /// A parameter of a plan by name, or a property of a performed description.
-    fn param(&self, body: Body, args: &[Value], key: Symbol) -> Option<Value> {
-        match body {
-            Body::Plan(function) => {
-                let at = self.program.functions[function.at()]
-                    .params
-                    .names
-                    .iter()
-                    .position(|name| *name == key)?;
-                args.get(at).cloned()
-            }
-            Body::Action => args.first()?.as_desc()?.get(key).cloned(),
-            Body::Branch(_) => None,
-        }
-    }
-
-    fn change_param(&self, body: Body, args: &mut [Value], key: Symbol, value: &Value) {
-        match body {
-            Body::Plan(function) => {
-                let names = &self.program.functions[function.at()].params.names;
-                if let Some(arg) = names.iter().position(|name| *name == key).and_then(|at| args.get_mut(at))
-                {
-                    *arg = value.clone();
-                }
-            }
-            Body::Action => {
-                if let Some(arg) = args.first_mut()
-                    && let Some(desc) = arg.as_desc()
-                {
-                    *arg = Value::desc(desc.with(key, value.clone()));
-                }
-            }
-            Body::Branch(_) => {}
-        }
     }
 
     // ------------------------------------------------------------------ going on
@@ -716,13 +647,17 @@ impl Machine {
             return rec;
         }
         let kind = run.tree.record(rec).kind;
-        let before = run.tree.extra(rec).cloned();
-        let counted = run.tree.record(rec).flags & COUNTED;
-        let rec = run.tree.enter(parent, slot, kind, &args, run.now);
-        run.tree.record_mut(rec).flags |= DRIVEN | counted;
-        if let Some(before) = before.filter(|it| it.written.is_some() || it.performed_in.is_some()) {
-            let extra = run.tree.extra_mut(rec);
-            (extra.written, extra.performed_in) = (before.written, before.performed_in);
+        let performed_in = run.tree.extra(rec).and_then(|extra| extra.performed_in);
+        let Record { flags: before, .. } = *run.tree.record(rec);
+        let changed = before & CHANGED != 0;
+        let written = if changed { run.tree.written_args(rec) } else { args.clone() };
+        let rec = run.tree.enter(parent, slot, kind, &written, run.now);
+        run.tree.record_mut(rec).flags |= DRIVEN | (before & COUNTED);
+        if changed {
+            run.tree.change_args(rec, &args);
+        }
+        if performed_in.is_some() {
+            run.tree.extra_mut(rec).performed_in = performed_in;
         }
         rec
     }

@@ -175,6 +175,8 @@ impl Machine {
         if it.derived.is_some() {
             return Err(type_error("a fluent that is not computed from others", fluent));
         }
+        let Some(woken) = it.set(value) else { return Ok(()) };
+        self.wake(woken);
         let mut todo: BTreeMap<(u32, u64), Value> = BTreeMap::new();
         let mut failed = None;
         let later = |todo: &mut BTreeMap<_, _>, changed: &Fluent| {
@@ -184,10 +186,7 @@ impl Machine {
                 }
             }
         };
-        if let Some(woken) = it.set(value) {
-            self.wake(woken);
-            later(&mut todo, it);
-        }
+        later(&mut todo, it);
         while let Some((_, fluent)) = todo.pop_first() {
             let it = fluent_of(&fluent)?;
             let Some(derived) = &it.derived else { continue };
@@ -214,7 +213,7 @@ impl Machine {
             let Some(run) = self.runs.iter_mut().find(|run| run.number == waiter.run) else { continue };
             let id = TaskId(waiter.task);
             if run.stands(&waiter) {
-                run.set_register(id, waiter.register, value);
+                run.set_register(id, waiter.register as usize, value);
                 run.tasks.make_ready(id);
             }
         }
@@ -232,7 +231,7 @@ impl Machine {
             None => run.tasks.wait(Waits::Fluent),
         }
         let id = run.tasks.loaded;
-        let register = run.base as usize + d as usize;
+        let register = run.base + u32::from(d);
         let waiter = Waiter { run: run.number, task: id.0, token: run.tasks.get(id).token, register, until };
         it.wait(waiter, |other| other.run == run.number && run.stands(other));
         Ok(Some(Exit::Wait))
@@ -257,7 +256,7 @@ impl Machine {
         run.frames.clear();
         (run.pc, run.base, run.here) = (RESUME, 0, Here(1));
         let depth = self.runs.len();
-        self.runs.push(*run);
+        self.runs.push(run);
         let mut left = FUEL;
         let exit = match self.call_value(host, 0, crate::code::SiteId(0), function, args) {
             Ok(Some(exit)) => exit,
@@ -268,7 +267,7 @@ impl Machine {
         let run = self.runs.pop();
         self.beside += FUEL - left;
         let has_nodes = run.as_ref().is_some_and(|run| run.tree.len() > 1);
-        self.scratch = run.filter(|_| !has_nodes && matches!(exit, Exit::Done(_))).map(Box::new);
+        self.scratch = run.filter(|_| !has_nodes && matches!(exit, Exit::Done(_)));
         let refused = |why: &str| {
             let message = format!("{what} {why}");
             Box::new(Failure::new(Builtin::ProgramError, message))
@@ -324,18 +323,18 @@ impl Machine {
         run.tasks.wait(Waits::Join);
         let waiting = run.tasks.loaded;
         let token = run.tasks.get(waiting).token;
-        run.tasks.get_mut(id).joiners.push((waiting, token));
+        run.tasks.get_mut(id).add_joiner(waiting, token);
         Ok(Some(Exit::Wait))
     }
 
     fn status_fluent(&mut self, id: TaskId) -> Value {
         let word = self.top().status_word(id);
-        if let Some(status) = &self.top().tasks.get(id).status {
+        if let Some(status) = self.top().tasks.get(id).status() {
             return status.clone();
         }
         let fluent = Fluent::new(self.number(), Value::symbol(word));
         let fluent = Value::new(Obj::Fluent(Box::new(fluent)));
-        self.top().tasks.get_mut(id).status = Some(fluent.clone());
+        self.top().tasks.get_mut(id).show_status(fluent.clone());
         fluent
     }
 
@@ -343,11 +342,11 @@ impl Machine {
     /// of the root.
     pub(super) fn status_changed(&mut self, host: &mut dyn Host, id: TaskId) {
         let run = self.top();
-        let Some(status) = run.tasks.get(id).status.clone() else { return };
+        let Some(status) = run.tasks.get(id).status().cloned() else { return };
         let word = Value::symbol(run.status_word(id));
         if let Err(raise) = self.set_fluent(host, &status, word) {
             let tasks = &mut self.top().tasks;
-            tasks.get_mut(TaskId::ROOT).raise = Some(raise);
+            tasks.get_mut(TaskId::ROOT).will_raise(raise);
             tasks.make_ready(TaskId::ROOT);
         }
     }

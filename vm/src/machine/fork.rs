@@ -4,18 +4,21 @@
 //! A form ends only when all its branches have ended, whatever decided it: those that are not needed
 //! any more are evaporated, and run their clean-ups first. So no task outlives its parent.
 
+use std::ops::Range;
+
 use crate::code::{FnId, SiteId};
 use crate::failure::{Builtin, Failure};
 use crate::host::Host;
-use crate::key::{Ranks, Step};
+use crate::key::{Rounds, Step};
 use crate::native::{Raise, type_error};
 use crate::op::Count;
-use crate::tree::{DRIVEN, NodeKind, SlotId, Status, Why};
+use crate::tree::{DRIVEN, NodeKind, RecId, SlotId, Status, Why};
 use crate::value::{Imm, Obj, Value};
 
-use super::call::Slow;
-use super::drive::{Call, Driver};
-use super::task::{TaskId, Waits, is_evaporation};
+use super::call::{Slow, Way};
+use super::cleanup::CleanUp;
+use super::drive::{Call, Driver, Origin};
+use super::task::{Task, TaskId, Waits, is_evaporation};
 use super::unwind::with_also;
 use super::{Exit, Machine, Outcome};
 
@@ -64,10 +67,16 @@ impl ForkKind {
 /// A parallel form that is being done.
 pub(super) struct Fork {
     kind: ForkKind,
-    /// In the order of the source.
-    branches: Vec<Branch>,
+    /// Its branches in the order of the source, as numbers of tasks.
+    branches: Range<u32>,
+    /// What they run: one function for each, or one for all rounds of a loop.
+    code: Vec<Code>,
+    /// What is left of the list that it goes over: the elements of branches that have not been started.
+    elements: Value,
     /// The branches that have a name, for all of them.
     handles: Vec<Value>,
+    /// What `(original)` is in its branches, if it stands in inserted code.
+    pub(super) origin: Option<Box<Origin>>,
     /// How many run.
     open: usize,
     /// Which branches come before which.
@@ -82,59 +91,12 @@ pub(super) struct Fork {
     late: bool,
 }
 
-struct Branch {
-    slot: SlotId,
+/// The function of a branch.
+struct Code {
     function: FnId,
-    /// Its function with what that captured.
-    code: Value,
-    /// The element of the list that it is for; unset in forms that are no loops.
-    element: Value,
-    task: TaskId,
-    /// It has been started.
-    started: bool,
-    /// Somebody had asked it to stop when it ended.
-    stopped: bool,
-    /// An edit has left it out, or put it off: its end decides nothing.
-    absent: bool,
-    /// How it ended, and in which round.
-    end: Option<(u64, Outcome)>,
-}
-
-impl Branch {
-    fn failure(&self) -> Option<&Value> {
-        self.end.as_ref()?.1.as_ref().err().filter(|failure| !is_evaporation(failure))
-    }
-    fn has_succeeded(&self) -> bool {
-        !self.absent && matches!(self.end, Some((_, Ok(_))))
-    }
-    fn value(&self) -> Value {
-        match &self.end {
-            Some((_, Ok(value))) => value.clone(),
-            _ => Value::NIL,
-        }
-    }
-    /// The failures of clean-ups while the branch was stopped, and the round in which it ended. One that was in
-    /// its clean-up already, and could not be stopped, ends with it.
-    fn clean_up_failures(&self) -> Vec<(u64, Value)> {
-        let Some((round, Err(failure))) = &self.end else { return Vec::new() };
-        let failures = match failure.as_failure() {
-            Some(it) if is_evaporation(failure) => it.also.clone(),
-            _ => self.stopped.then(|| failure.clone()).into_iter().collect(),
-        };
-        failures.into_iter().map(|failure| (*round, failure)).collect()
-    }
-    /// Its arguments, then what its function captured.
-    fn values<'b>(&'b self, handles: &'b [Value]) -> impl Iterator<Item = Value> + 'b {
-        let captured = match self.code.obj() {
-            Some(Obj::Closure(_, captured)) => &captured[..],
-            _ => &[],
-        };
-        let element = Some(&self.element).filter(|element| !element.is_unset());
-        handles.iter().chain(element).chain(captured).cloned()
-    }
-    fn is_running(&self) -> bool {
-        self.started && self.end.is_none()
-    }
+    entry: u32,
+    /// With what it captured.
+    closure: Value,
 }
 
 impl Machine {
@@ -143,43 +105,40 @@ impl Machine {
         let number = self.reg(w).as_int().unwrap_or(0) as usize;
         let kind = ForkKind::ALL.get(number).copied().unwrap_or(ForkKind::Par);
         let extra = self.reg(w.wrapping_add(1)).clone();
-        let mut branches = Vec::new();
+        let code = (0..n.0).map(|i| self.code_of_branch(self.reg(w.wrapping_add(2 + i))));
+        let code = code.collect::<Result<Vec<Code>, Raise>>()?;
+        let elements = if kind.is_loop() { super::call::walkable(&extra)? } else { Value::NIL };
+        let deadline = match kind {
+            ForkKind::WithTimeout => Some(self.top().now.saturating_add(nanoseconds(&extra)?)),
+            _ => None,
+        };
+        let way = self.way_to(site);
+        let first = self.top().tasks.count();
         if kind.is_loop() {
-            let code = self.reg(w.wrapping_add(2)).clone();
-            let list = super::call::walkable(&extra)?;
-            let ranks = Ranks::new(list.clone());
-            let mut rest = list;
-            while let Some((element, after)) = rest.as_pair().map(|(a, b)| (a.clone(), b.clone())) {
-                rest = after;
-                let round = ranks.step(&rest);
-                branches.push(self.branch(site, Some(round), code.clone(), element)?);
+            let count = elements.iter().count();
+            self.top().tasks.reserve(count);
+            let mut rounds = Rounds::with_capacity(count);
+            for element in elements.iter() {
+                self.add_branch(way, site, Some(rounds.next(element)));
             }
         } else {
-            for i in 0..n.0 {
-                let code = self.reg(w.wrapping_add(2 + i)).clone();
-                branches.push(self.branch(SiteId(site.0 + u32::from(i)), None, code, Value::UNSET)?);
-            }
+            (0..n.0.into()).for_each(|i| self.add_branch(way, SiteId(site.0 + i), None));
         }
-        let origin = self.top().origin().map(Box::new);
-        for (ordinal, branch) in branches.iter_mut().enumerate() {
-            let run = self.top();
-            branch.task = run.new_task(branch.slot, ordinal as u32);
-            run.tasks.get_mut(branch.task).origin.clone_from(&origin);
-        }
+        let run = self.top();
+        let branches = first..run.tasks.count();
         let (tags, edges) = match kind {
             ForkKind::ParLoop | ForkKind::TryEach | ForkKind::WithTimeout => (Vec::new(), Vec::new()),
             _ => tags_and_edges(&extra),
         };
         // Every branch knows those that have a name.
-        let handles: Vec<Value> = tags.iter().map(|at| self.top().handle(branches[*at].task)).collect();
-        let deadline = match kind {
-            ForkKind::WithTimeout => Some(self.top().now.saturating_add(nanoseconds(&extra)?)),
-            _ => None,
-        };
+        let handles = tags.iter().map(|at| run.handle(TaskId(branches.start + *at as u32))).collect();
         let fork = Fork {
             kind,
             branches,
+            code,
+            elements,
             handles,
+            origin: run.origin().map(Box::new),
             open: 0,
             edges,
             first: None,
@@ -191,31 +150,27 @@ impl Machine {
         self.fork_resumed_with(host)
     }
 
-    fn branch(
-        &mut self,
-        site: SiteId,
-        round: Option<Step>,
-        code: Value,
-        element: Value,
-    ) -> Result<Branch, Raise> {
-        let function = match &code {
+    fn code_of_branch(&self, closure: &Value) -> Result<Code, Raise> {
+        let function = match closure {
             Value::Imm(Imm::Function(function)) => *function,
             Value::Obj(obj) if let Obj::Closure(function, _) = &**obj => *function,
-            _ => return Err(type_error("a function", &code)),
+            _ => return Err(type_error("a function", closure)),
         };
+        let entry = self.program.functions[function.at()].entry.0;
+        Ok(Code { function, entry, closure: closure.clone() })
+    }
+
+    /// A new branch of the running task. It waits until it is started.
+    fn add_branch(&mut self, way: Way, site: SiteId, round: Option<Step>) {
         let name = self.program.sites[site.at()].name;
-        let slot = self.slot_of(site, name, round);
-        Ok(Branch {
-            slot,
-            function,
-            code,
-            element,
-            task: TaskId::ROOT,
-            started: false,
-            stopped: false,
-            absent: false,
-            end: None,
-        })
+        let slot = self.slot_on(way, site, name, round);
+        let run = self.top();
+        let limit = run.cleanups.last().map(CleanUp::deadline);
+        run.tasks.add(slot, limit);
+    }
+
+    fn branches(&self, fork: &Fork) -> &[Task] {
+        self.runs[self.runs.len() - 1].tasks.branches(&fork.branches)
     }
 
     fn fork_resumed_with(&mut self, host: &mut dyn Host) -> Slow {
@@ -245,20 +200,20 @@ impl Machine {
                     self.start_branches(host, &mut fork);
                     if fork.open == 0 {
                         // What comes before the others has been stopped: they never begin.
-                        fork.ending = Some(Ok(Value::list(fork.values())));
+                        fork.ending = Some(Ok(self.values(&fork)));
                     }
                 }
             }
         }
         match fork.ending.take() {
             Some(outcome) if fork.open == 0 => {
-                self.top().tasks.reclaim();
+                let failed = self.branches(&fork).iter().flat_map(Task::clean_up_failures);
+                let mut failed: Vec<(u64, Value)> = failed.collect();
+                self.top().tasks.forget(&fork.branches);
                 match outcome {
                     Ok(value) => self.return_value(value),
                     Err(failure) => {
                         self.return_value(Value::NIL)?;
-                        let failed = fork.branches.iter().flat_map(Branch::clean_up_failures);
-                        let mut failed: Vec<(u64, Value)> = failed.collect();
                         failed.sort_by_key(|(round, _)| *round);
                         let failure =
                             failed.into_iter().fold(failure, |it, (_, other)| with_also(&it, other));
@@ -283,6 +238,7 @@ impl Machine {
     /// A failure has come to the form, or it is stopped: its branches end first.
     pub(super) fn fork_failed(&mut self, mut fork: Box<Fork>, failure: Value) -> Result<(), Value> {
         if fork.open == 0 {
+            self.top().tasks.forget(&fork.branches);
             return Err(failure);
         }
         self.stop_branches(&fork, Why::Parent);
@@ -293,51 +249,55 @@ impl Machine {
 
     fn stop_branches(&mut self, fork: &Fork, why: Why) {
         let run = self.top();
-        for branch in fork.branches.iter().filter(|branch| branch.is_running()) {
-            run.evaporate(branch.task, why);
+        for id in fork.branches.clone().map(TaskId) {
+            if run.tasks.get(id).is_running() {
+                run.evaporate(id, why);
+            }
         }
     }
 
     fn start_branches(&mut self, host: &mut dyn Host, fork: &mut Fork) {
-        for at in 0..fork.branches.len() {
-            if fork.branches[at].started || !fork.may_start(at) {
+        for (at, id) in fork.branches.clone().map(TaskId).enumerate() {
+            let branches = self.branches(fork);
+            if branches[at].rec != RecId(0) || !fork.may_start(branches, at) {
                 continue;
             }
-            let branch = &mut fork.branches[at];
-            branch.started = true;
             fork.open += 1;
-            let first = match fork.edges.is_empty() {
-                true => branch.slot,
-                false => *fork.first.get_or_insert(branch.slot),
-            };
-            let run = self.top();
-            if !run.tree.edits_of(branch.slot).is_empty() {
-                let parent = run.record(run.here);
-                let (task, slot) = (branch.task, branch.slot);
-                let values = branch.values(&fork.handles).collect();
-                let mut call = Call::of_branch(slot, parent, branch.function, values);
-                run.tree.calls(slot, branch.function);
-                call.rec = self.record_of_call(host, &call);
-                self.top().tree.stands_with(slot, first);
-                self.top().start_call(task, call);
-                self.status_changed(host, task);
-                continue;
-            }
-            let entry = self.program.functions[branch.function.at()].entry.0;
-            let run = &mut self.runs[..];
-            let Some(run) = run.last_mut() else { return };
-            let parent = run.record(run.here);
-            let shown = [branch.element.clone()];
-            let args = if branch.element.is_unset() { &[][..] } else { &shown[..] };
-            let rec = run.tree.enter(parent, branch.slot, NodeKind::Branch, args, run.now);
-            run.tree.record_mut(rec).flags |= DRIVEN;
-            run.tree.stands_with(branch.slot, first);
-            run.note_late(rec);
-            run.tree.calls(branch.slot, branch.function);
-            run.start_task(branch.task, rec, entry, branch.values(&fork.handles));
-            self.trace_start(host, rec);
-            let id = fork.branches[at].task;
+            // Those of a loop are started in the order of the list.
+            let element = fork.elements.as_pair().map(|(element, rest)| (element.clone(), rest.clone()));
+            let element = element.map(|(element, rest)| {
+                fork.elements = rest;
+                element
+            });
+            self.start_branch(host, fork, id, element);
             self.status_changed(host, id);
+        }
+    }
+
+    fn start_branch(&mut self, host: &mut dyn Host, fork: &mut Fork, id: TaskId, element: Option<Value>) {
+        let run = self.top();
+        let (slot, function) = (run.tasks.get(id).slot, fork.code_of(id).function);
+        let first = match fork.edges.is_empty() {
+            true => slot,
+            false => *fork.first.get_or_insert(slot),
+        };
+        let parent = run.record(run.here);
+        run.tree.calls(slot, function);
+        if run.tree.edits_of(slot).is_empty() {
+            let rec = run.tree.enter(parent, slot, NodeKind::Branch, element.as_slice(), run.now);
+            run.tree.record_mut(rec).flags |= DRIVEN;
+            run.tree.stands_with(slot, first);
+            run.note_late(rec);
+            run.tasks.start(id, rec);
+            self.trace_start(host, rec);
+        } else {
+            let values = fork.values_of(id, element.as_ref()).cloned().collect();
+            let mut call = Call::of_branch(slot, parent, function, values);
+            call.rec = self.record_of_call(host, &call);
+            let run = self.top();
+            run.tree.stands_with(slot, first);
+            run.tasks.start(id, call.rec);
+            run.tasks.get_mut(id).begin_with(call);
         }
     }
 
@@ -345,22 +305,19 @@ impl Machine {
     pub(super) fn branch_ended(&mut self, id: TaskId, outcome: Outcome) {
         let run = self.top();
         let round = run.tasks.rounds;
-        let task = run.tasks.get(id);
-        let (parent, ordinal, stopped) = (task.parent, task.ordinal as usize, task.evaporate.is_some());
-        let record = run.tree.record(task.rec);
+        let record = run.tree.record(run.tasks.get(id).rec);
         let absent = match record.status {
             Status::Deferred => true,
             Status::Skipped => record.value.is_nil(),
             _ => false,
         };
-        let Some(Driver::Fork(fork)) = run.driver_of(parent) else { return };
-        let kind = fork.kind;
         let failed = outcome.as_ref().is_err_and(|failure| !is_evaporation(failure));
-        fork.branches[ordinal].stopped = stopped;
-        fork.branches[ordinal].absent = absent;
-        fork.branches[ordinal].end = Some((round, outcome));
+        let task = run.tasks.get_mut(id);
+        task.ends(round, outcome, absent);
+        let parent = task.parent;
+        let Some(Driver::Fork(fork)) = run.driver_of(parent) else { return };
         fork.open -= 1;
-        let decides = match kind {
+        let decides = match fork.kind {
             _ if fork.open == 0 => true,
             _ if fork.ending.is_some() => false,
             ForkKind::Par | ForkKind::ParLoop => failed,
@@ -373,61 +330,65 @@ impl Machine {
 
     /// What the form ends with, if its branches decide that.
     fn decide(&mut self, fork: &Fork) -> Option<Outcome> {
-        let ended = |at: &usize| fork.branches[*at].end.is_some();
-        let all: Vec<usize> = (0..fork.branches.len()).collect();
-        let first_round = |which: &dyn Fn(&Branch) -> bool| {
-            let of = fork.branches.iter().filter(|branch| which(branch));
-            of.filter_map(|branch| branch.end.as_ref().map(|(round, _)| *round)).min()
+        let branches = self.branches(fork);
+        let round_of = |branch: &Task| branch.end.as_ref().map(|end| end.round);
+        let first_round = |which: &dyn Fn(&Task) -> bool| {
+            branches.iter().filter(|branch| which(branch)).filter_map(round_of).min()
         };
-        let in_round = |round: u64| {
-            all.iter().filter(move |at| matches!(fork.branches[**at].end, Some((of, _)) if of == round))
-        };
+        let in_round = |round: u64| branches.iter().filter(move |branch| round_of(branch) == Some(round));
         let failures_of = |round: u64| {
-            let failures = in_round(round).filter_map(|at| fork.branches[*at].failure().cloned());
+            let failures = in_round(round).filter_map(|branch| branch.failure().cloned());
             failures.reduce(|first, other| with_also(&first, other))
         };
-        let is_over = all.iter().all(ended);
+        let is_over = branches.iter().all(|branch| branch.end.is_some());
         match fork.kind {
             ForkKind::Par | ForkKind::ParLoop | ForkKind::PartialOrder => {
-                if let Some(round) = first_round(&|branch: &Branch| branch.failure().is_some()) {
+                if let Some(round) = first_round(&|branch| branch.failure().is_some()) {
                     return Some(Err(failures_of(round)?));
                 }
-                is_over.then(|| Ok(Value::list(fork.values())))
+                is_over.then(|| Ok(self.values(fork)))
             }
             ForkKind::Pursue => {
-                let Some(round) = first_round(&|branch: &Branch| !branch.absent) else {
+                let is_absent = |branch: &Task| branch.end.as_ref().is_some_and(|end| end.absent);
+                let Some(round) = first_round(&|branch| !is_absent(branch)) else {
                     return is_over.then(|| Ok(Value::NIL));
                 };
-                let success = in_round(round).find(|at| fork.branches[**at].has_succeeded());
+                let success = in_round(round).find(|branch| branch.has_succeeded());
                 Some(match failures_of(round) {
                     Some(failure) => Err(failure),
-                    None => Ok(success.map_or(Value::NIL, |at| fork.branches[*at].value())),
+                    None => Ok(success.map(Task::value).unwrap_or_default()),
                 })
             }
             ForkKind::TryAll | ForkKind::TryInOrder | ForkKind::TryEach => {
                 // Mistakes of the program and limits of the run are not hidden by another way to do it.
-                let grave = |branch: &&Branch| {
+                let grave = |branch: &&Task| {
                     branch.failure().is_some_and(|failure| !self.is_hidden_by_alternatives(failure))
                 };
-                if let Some(branch) = fork.branches.iter().find(grave) {
-                    return branch.end.clone().map(|(_, outcome)| outcome);
+                if let Some(branch) = branches.iter().find(grave) {
+                    return branch.outcome();
                 }
-                let round = first_round(&|branch: &Branch| branch.has_succeeded());
-                let winner = round.and_then(|round| {
-                    let winner = in_round(round).find(|at| fork.branches[**at].has_succeeded())?;
-                    Some(Ok(fork.branches[*winner].value()))
-                });
-                winner.or_else(|| is_over.then(|| Err(self.raised_here(all_failed(fork)))))
+                let round = first_round(&Task::has_succeeded);
+                let winner = round.and_then(|round| in_round(round).find(|branch| branch.has_succeeded()));
+                if let Some(winner) = winner {
+                    return Some(Ok(winner.value()));
+                }
+                let failure = is_over.then(|| all_failed(fork.kind, branches))?;
+                Some(Err(self.raised_here(failure)))
             }
-            ForkKind::WithTimeout => match fork.branches.first()?.end.clone() {
-                Some((_, Err(failure))) if is_evaporation(&failure) => Some(Ok(Value::NIL)),
+            ForkKind::WithTimeout => match branches.first()?.outcome() {
+                Some(Err(failure)) if is_evaporation(&failure) => Some(Ok(Value::NIL)),
                 None if fork.late => {
                     let message = "the time of `with-timeout` is over";
                     Some(Err(self.raised_here(Failure::new(Builtin::Timeout, message))))
                 }
-                end => end.map(|(_, outcome)| outcome),
+                end => end,
             },
         }
+    }
+
+    /// What the branches returned, in the order of the source.
+    fn values(&self, fork: &Fork) -> Value {
+        Value::list(self.branches(fork).iter().map(Task::value))
     }
 
     /// True for a failure after which another alternative is tried.
@@ -447,24 +408,53 @@ impl Machine {
 }
 
 impl Fork {
-    fn values(&self) -> Vec<Value> {
-        self.branches.iter().map(Branch::value).collect()
+    fn code_of(&self, id: TaskId) -> &Code {
+        let at = if self.kind.is_loop() { 0 } else { id.0 - self.branches.start };
+        &self.code[at as usize]
+    }
+
+    /// Where the code of a branch begins.
+    pub(super) fn entry_of(&self, id: TaskId) -> u32 {
+        self.code_of(id).entry
+    }
+
+    /// Puts what a branch begins with into the first registers.
+    pub(super) fn fill(&self, registers: &mut [Value], id: TaskId, element: Option<&Value>) {
+        let mut at = 0;
+        self.values_of(id, element).for_each(|value| {
+            registers[at] = value.clone();
+            at += 1;
+        });
+    }
+
+    /// What a branch begins with: arguments, which are the tasks that have names and the element of its round
+    /// (the parameter of its record), then what its function captured.
+    pub(super) fn values_of<'f>(
+        &'f self,
+        id: TaskId,
+        element: Option<&'f Value>,
+    ) -> impl Iterator<Item = &'f Value> + use<'f> {
+        let captured = match self.code_of(id).closure.obj() {
+            Some(Obj::Closure(_, captured)) => &captured[..],
+            _ => &[],
+        };
+        self.handles.iter().chain(element).chain(captured)
     }
 
     /// True if what comes before a branch has succeeded.
-    fn may_start(&self, at: usize) -> bool {
+    fn may_start(&self, branches: &[Task], at: usize) -> bool {
         if self.kind.is_sequential() {
-            return self.branches[..at].iter().all(|branch| branch.end.is_some());
+            return branches[..at].iter().all(|branch| branch.end.is_some());
         }
         let before = self.edges.iter().filter(|(_, after)| *after == at);
         // One that is left out or put off holds nobody up.
-        before.into_iter().all(|(before, _)| matches!(self.branches[*before].end, Some((_, Ok(_)))))
+        before.into_iter().all(|(before, _)| branches[*before].has_returned())
     }
 }
 
-fn all_failed(fork: &Fork) -> Failure {
-    let failures: Vec<Value> = fork.branches.iter().filter_map(|it| it.failure().cloned()).collect();
-    let message = format!("none of the {} alternatives of `{}` succeeded", failures.len(), fork.kind.word());
+fn all_failed(kind: ForkKind, branches: &[Task]) -> Failure {
+    let failures: Vec<Value> = branches.iter().filter_map(|it| it.failure().cloned()).collect();
+    let message = format!("none of the {} alternatives of `{}` succeeded", failures.len(), kind.word());
     let fields = vec![("message", Value::str(message)), ("failures", Value::list(failures))];
     Failure::with(Builtin::CompositeFailure, fields)
 }

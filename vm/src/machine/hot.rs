@@ -10,14 +10,16 @@
 use std::rc::Rc;
 
 use crate::arith;
-use crate::code::{FnKind, Program, RoundKey};
+use crate::code::{FnId, FnKind, Program, RoundKey};
 use crate::key::{Chain, Key};
 use crate::native::Raise;
 use crate::op::Op;
-use crate::tree::{COUNTED, DRIVEN, NodeKind, RecId, Status};
+use crate::tree::{COUNTED, DRIVEN, NodeKind, RecId, SlotId, Status, Tree};
 use crate::value::{Imm, Obj, Value};
 
 use super::cleanup::CleanUp;
+use super::drive::Body;
+use super::edited::Edited;
 use super::obligation::{self, RunView};
 use super::{Frame, Here, MEMO, Run};
 
@@ -25,6 +27,8 @@ use super::{Frame, Here, MEMO, Run};
 pub(super) enum Out {
     /// An instruction that the loop does not do itself.
     Slow(Op),
+    /// A call of a plan at a slot with edits that need a driver.
+    Edited(Op, SlotId),
     /// An instruction that failed.
     Raise(Raise),
     /// The outermost function returned.
@@ -182,7 +186,7 @@ pub(super) fn run<const OWES: bool>(
                     frames.len(),
                     run.now,
                     cleanups.last(),
-                    tasks.get(task).limit,
+                    tasks.get(task).limit(),
                 )),
                 Op::Jump(t) => jump!(t),
                 Op::Loop(t) => {
@@ -302,14 +306,21 @@ pub(super) fn run<const OWES: bool>(
                         pc -= 1;
                         break 'window Out::Fuel;
                     }
+                    let Some(callee) = site.callee else { break 'window Out::Slow(op) };
                     let slot = tree.child(RecId(here.0), Key { site: s, chain }, site.name, site.hash);
-                    let Some(callee) = site.callee.filter(|_| tree.edits_of(slot).is_empty()) else {
-                        break 'window Out::Slow(op);
-                    };
+                    let args = w[window as usize..].split_at_mut(site.args as usize).0;
+                    let is_edited = !tree.edits_of(slot).is_empty();
+                    if is_edited && !only_changes_params(program, tree, slot, callee, args) {
+                        fuel -= 1;
+                        break 'window Out::Edited(op, slot);
+                    }
                     fuel -= 1;
                     push!(d);
-                    let args = &w[window as usize..].split_at(site.args as usize).0;
-                    here = Here(tree.enter(RecId(here.0), slot, NodeKind::Plan, args, run.now).0);
+                    let rec = tree.enter(RecId(here.0), slot, NodeKind::Plan, args, run.now);
+                    if is_edited {
+                        change_params(program, tree, (rec, slot), callee, args);
+                    }
+                    here = Here(rec.0);
                     base += window as usize;
                     pc = program.functions[callee.at()].entry.at();
                     continue 'window;
@@ -404,6 +415,28 @@ pub(super) fn run<const OWES: bool>(
     (run.pc, run.base, run.here) = (pc as u32, base as u32, here);
     *left = fuel;
     out
+}
+
+/// True if the edits at the slot of a call only change its parameters.
+#[inline(never)]
+fn only_changes_params(program: &Program, tree: &Tree, slot: SlotId, callee: FnId, args: &[Value]) -> bool {
+    Edited { program, tree, slot, body: Body::Plan(callee) }.only_changes_params(args)
+}
+
+/// Changes the parameters of a call that has a record as the edits at its slot say.
+#[inline(never)]
+pub(super) fn change_params(
+    program: &Program,
+    tree: &mut Tree,
+    (rec, slot): (RecId, SlotId),
+    callee: FnId,
+    args: &mut [Value],
+) {
+    Edited { program, tree, slot, body: Body::Plan(callee) }.change_params(args);
+    let is_as_written = |(at, arg): (u8, &Value)| tree.arg(rec, at).is_some_and(|it| it.identical(arg));
+    if !(0..).zip(args.iter()).all(is_as_written) {
+        tree.change_args(rec, args);
+    }
 }
 
 /// The chain of a call directly in a plan, where it is plain to see.

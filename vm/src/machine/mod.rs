@@ -5,7 +5,7 @@
 //! changes a run from outside, so its log replays to the same tree.
 //!
 //! [`hot`] is the loop; [`call`] what calls need beyond a frame; [`drive`] calls that take
-//! several steps (goals, grounding, edits); [`unwind`] how failures find their handlers, [`cleanup`]
+//! several steps (goals, grounding, edits), [`edited`] which edits hold; [`unwind`] how failures find their handlers, [`cleanup`]
 //! the time that clean-ups have; [`edits`] adds edits to a tree, [`obligation`] does what is put off;
 //! [`solve`] asks rules,
 //! [`task`] gives tasks their turns, [`fork`] begins and ends them, [`fluent`] wakes them.
@@ -19,6 +19,7 @@
 mod call;
 mod cleanup;
 mod drive;
+mod edited;
 mod edits;
 mod explain;
 mod fluent;
@@ -123,8 +124,8 @@ struct Run {
     asked: FxHashMap<RecId, u32>,
     /// Memory for walks over frames.
     levels: Vec<(Option<crate::code::SiteId>, u32)>,
-    /// The edit that each piece of inserted code belongs to.
-    edit_of: FxHashMap<FnId, u32>,
+    /// The chain that the keys of calls in each piece of inserted code begin with.
+    inserted: FxHashMap<FnId, Chain>,
     /// What is owed, in the order of its making.
     obligations: Vec<obligation::Obligation>,
     /// Clean-ups that are running, innermost last.
@@ -148,10 +149,10 @@ struct Run {
 impl Run {
     fn new(mut tree: Tree, traced: bool) -> Run {
         let root = tree.begin();
-        let edit_of: FxHashMap<FnId, u32> =
-            (1..).zip(&tree.edits).filter_map(|(id, edit)| Some((edit.code?, id))).collect();
-        for id in 1..=tree.edits.len() as u32 {
-            tree.keys.then(Chain::EMPTY, Step::Edit(id), |_| 0);
+        let mut inserted = FxHashMap::default();
+        for (id, edit) in (1..).zip(tree.edits.iter()) {
+            let chain = tree.keys.then(Chain::EMPTY, Step::Edit(id), |_| 0);
+            inserted.extend(edit.code.map(|code| (code, chain)));
         }
         Run {
             tasks: Tasks::new(root),
@@ -169,7 +170,7 @@ impl Run {
             draws: Draws::default(),
             asked: FxHashMap::default(),
             levels: Vec::new(),
-            edit_of,
+            inserted,
             obligations: Vec::new(),
             handling: Vec::new(),
             cleanups: Vec::new(),
@@ -229,7 +230,9 @@ pub struct Machine {
     /// What came from outside.
     pub log: Log,
     globals: Vec<Value>,
-    runs: Vec<Run>,
+    /// Innermost last.
+    #[expect(clippy::vec_box, reason = "one is put on top, and taken off, for each computation of a fluent")]
+    runs: Vec<Box<Run>>,
     /// Fuel used so far.
     steps: u64,
     round: u64,
@@ -274,7 +277,7 @@ impl Machine {
             schedule: 0,
             log: Log::default(),
             globals: Vec::new(),
-            runs: vec![Run::new(Tree::default(), false)],
+            runs: vec![Box::new(Run::new(Tree::default(), false))],
             steps: 0,
             round: 0,
             printed: 0,
@@ -323,6 +326,7 @@ impl Machine {
         self.globals.resize(self.program.globals.len(), Value::UNSET);
         self.last_fuel = false;
         let run = self.bottom();
+        run.tree.begin_again();
         run.tasks = Tasks::new(RecId(1));
         run.frames.clear();
         run.drivers.clear();
@@ -520,7 +524,7 @@ impl Machine {
     }
 
     fn bytes(&self) -> usize {
-        live::bytes() + self.runs.iter().map(Run::bytes).sum::<usize>()
+        live::bytes() + self.runs.iter().map(|run| run.bytes()).sum::<usize>()
     }
 
     fn nodes(&self) -> usize {

@@ -217,7 +217,7 @@ impl Machine {
     pub(super) fn view(&mut self, predicate: PredId) -> View {
         let mut scoped: Vec<(PredId, Vec<Cell>)> = Vec::new();
         let run = &self.runs[self.runs.len() - 1];
-        let mut level = run.tasks.get(run.tasks.loaded).scope.clone();
+        let mut level = run.tasks.get(run.tasks.loaded).scope();
         let mut tree = None;
         while let Some(it) = level {
             tree = tree.or_else(|| it.tree.clone());
@@ -361,8 +361,8 @@ impl Machine {
         }
         let tasks = &mut self.top().tasks;
         let task = tasks.get_mut(tasks.loaded);
-        let before = task.scope.take();
-        task.scope = Some(Rc::new(Scope { facts: all, tree: None, before }));
+        let before = task.scope();
+        task.set_scope(Some(Rc::new(Scope { facts: all, tree: None, before })));
         Ok(())
     }
 
@@ -372,8 +372,8 @@ impl Machine {
         let tree = Some(Rc::new(TreeView::of(&self.program, tree)));
         let tasks = &mut self.top().tasks;
         let task = tasks.get_mut(tasks.loaded);
-        let before = task.scope.take();
-        task.scope = Some(Rc::new(Scope { facts: Vec::new(), tree, before }));
+        let before = task.scope();
+        task.set_scope(Some(Rc::new(Scope { facts: Vec::new(), tree, before })));
         Ok(())
     }
 
@@ -381,7 +381,8 @@ impl Machine {
     pub(super) fn pop_scope(&mut self) {
         let tasks = &mut self.top().tasks;
         let task = tasks.get_mut(tasks.loaded);
-        task.scope = task.scope.take().and_then(|it| it.before.clone());
+        let before = task.scope().and_then(|it| it.before.clone());
+        task.set_scope(before);
     }
 }
 

@@ -3,7 +3,7 @@
 //! Handlers and clean-ups cost nothing until a failure looks for them: each frame it leaves is
 //! looked up in the form map, innermost form first.
 
-use crate::code::{FnId, FormKind, Place};
+use crate::code::{FormKind, Place};
 use crate::host::Host;
 use crate::native::Raise;
 use crate::tree::DRIVEN;
@@ -25,7 +25,6 @@ impl Machine {
 
     /// The same for a failure that has been raised before.
     pub(super) fn throw(&mut self, host: &mut dyn Host, mut failure: Value) -> Option<Exit> {
-        let mut function = None;
         loop {
             if self.top().pc == RESUME {
                 match self.driver_failed(host, failure) {
@@ -33,7 +32,7 @@ impl Machine {
                     Err(passed) => failure = passed,
                 }
             } else {
-                match self.find_handler(host, failure, &mut function) {
+                match self.find_handler(host, failure) {
                     Ok(exit) => return exit,
                     Err(passed) => failure = passed,
                 }
@@ -72,24 +71,13 @@ impl Machine {
 
     /// Looks for a handler or clean-up around the program counter of the running frame. Gives the
     /// failure back if there is none, with what it picked up on the way.
-    /// `last` is the function of the frame before: most often it is that of this one.
-    fn find_handler(
-        &mut self,
-        host: &mut dyn Host,
-        mut failure: Value,
-        last: &mut Option<FnId>,
-    ) -> Result<Option<Exit>, Value> {
+    fn find_handler(&mut self, host: &mut dyn Host, mut failure: Value) -> Result<Option<Exit>, Value> {
         let run = self.top();
         let leaving = run.leaving.take();
         let (depth, at) = (run.frames.len(), Pc(run.pc.saturating_sub(1)));
         let owes = run.obligations.iter().any(|it| it.holder == (run.tasks.loaded, depth));
         let handling = run.handling.last().and_then(|it| it.of_frame(depth));
-        let within = |function: &FnId| {
-            let function = &self.program.functions[function.at()];
-            (function.entry..function.end).contains(&at)
-        };
-        *last = last.filter(within).or_else(|| self.program.function_at(at));
-        let Some(function) = *last else { return Err(failure) };
+        let Some(function) = self.program.function_at(at) else { return Err(failure) };
         if !self.program.functions[function.at()].guards && !owes {
             return Err(failure);
         }

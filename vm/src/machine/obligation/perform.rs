@@ -113,7 +113,7 @@ impl Machine {
         let run = self.top();
         if then.is_some() {
             // Performed because its form is left, it is clean-up. (9)
-            let limit = run.tasks.get(run.tasks.loaded).limit;
+            let limit = run.tasks.get(run.tasks.loaded).limit();
             let cleanup = CleanUp::begin(run.frames.len(), run.now, run.cleanups.last(), limit);
             run.cleanups.push(cleanup.owed());
         }

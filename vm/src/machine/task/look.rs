@@ -55,7 +55,7 @@ impl Machine {
                 _ if run.tasks.running && run.tasks.loaded == id => "runs".to_string(),
                 _ => "is ready".to_string(),
             };
-            (paths.path(run.tree.record(run.stands_in(task)).slot), what)
+            (paths.path(run.tree.record(run.stands_in(id)).slot), what)
         })
         .collect()
     }
@@ -64,7 +64,8 @@ impl Machine {
     fn awaited(&self, run: &Run, paths: &mut Paths<'_>) -> BTreeMap<TaskId, String> {
         let mut awaited = BTreeMap::new();
         for task in &run.tasks.all {
-            for (waiting, _) in task.joiners.iter().filter(|(id, token)| run.tasks.is_waiting(*id, *token)) {
+            for (waiting, _) in task.joiners().iter().filter(|(id, token)| run.tasks.is_waiting(*id, *token))
+            {
                 awaited.insert(*waiting, format!("the end of {}", paths.path(task.slot).show()));
             }
         }
@@ -100,8 +101,8 @@ impl Machine {
         for run in &self.runs {
             let used = run.base as usize + 256;
             run.stack.iter().take(used).for_each(|value| add(None, value));
-            let parked = run.tasks.all.iter().filter_map(|task| task.parked.as_ref());
-            parked.flat_map(|it| &it.registers).for_each(|value| add(None, value));
+            let all = (0..run.tasks.all.len() as u32).map(TaskId);
+            all.flat_map(|id| run.values_of(id)).for_each(|value| add(None, &value));
         }
         found.into_values().collect()
     }

@@ -19,6 +19,7 @@ mod round;
 
 use std::cmp::{Ordering, Reverse};
 use std::collections::BinaryHeap;
+use std::ops::Range;
 
 use crate::host::Request;
 use crate::log::Question;
@@ -27,9 +28,11 @@ use crate::tree::{ROOT, RecId, SlotId, Why};
 use crate::value::Value;
 
 use super::cleanup::CleanUp;
-use super::drive::{Call, Driver, Origin};
+use super::drive::{Call, Driver};
+use super::fork::Fork;
 use super::obligation::Handling;
-use super::{Frame, Here, Run};
+use super::solve::Scoped;
+use super::{Frame, Here, Outcome, Run};
 
 pub(super) use evaporation::is_evaporation;
 
@@ -44,46 +47,65 @@ impl TaskId {
     }
 }
 
-/// A task, loaded or not.
+/// A task, loaded or not. All but the root are branches of a parallel form.
 pub(in crate::machine) struct Task {
     /// The place of its branch; that of the root for the root.
     pub slot: SlotId,
-    /// Its record, once it has one.
+    /// Its record, once it has been started.
     pub rec: RecId,
     pub parent: TaskId,
-    /// Which branch of its parent it is, among all that the parent has started.
-    pub ordinal: u32,
-    /// How many tasks are above it.
     depth: u32,
     pub state: State,
     /// It stands still, with all below it.
     pub suspended: bool,
-    /// Its status as a fluent, if somebody has asked for that.
-    pub status: Option<Value>,
-    /// Who waits for its end.
-    pub joiners: Vec<(TaskId, u64)>,
     /// A program may have a handle of it.
     pub kept: bool,
+    /// Its form is over, and nobody can name it.
+    forgotten: bool,
     /// Why it is to be stopped. It is thrown once, outside of clean-ups.
     pub evaporate: Option<Why>,
     thrown: bool,
-    /// When the time of the clean-up is over that it is part of.
-    pub limit: u64,
     /// It has had a turn.
     has_begun: bool,
     /// It stands before an instruction that is not done, not behind a call.
     mid: bool,
-    /// What `(original)` is in it, for branches of inserted code.
-    pub origin: Option<Box<Origin>>,
-    /// A branch with edits: its first turn makes this call.
-    pub begins_with: Option<Box<Call>>,
-    /// What its next turn begins with.
-    pub raise: Option<Raise>,
     /// Tells this wait from all others of the run.
     pub token: u64,
-    /// Facts and trees that its queries see for a while.
-    pub scope: super::solve::Scoped,
+    /// Its registers and frames, if it has had a turn and is not loaded.
     parked: Option<Box<Parked>>,
+    rare: Option<Box<Rare>>,
+    /// How it ended, as long as its form is not over.
+    pub end: Option<End>,
+}
+
+/// There may be many tasks.
+const _: () = assert!(size_of::<Task>() <= 80);
+
+/// What few tasks have.
+#[derive(Default)]
+struct Rare {
+    /// When the time of the clean-up is over that it is part of.
+    limit: Option<u64>,
+    /// What its next turn begins with.
+    raise: Option<Raise>,
+    /// Its status as a fluent, if somebody has asked for that.
+    status: Option<Value>,
+    /// Who waits for its end.
+    joiners: Vec<(TaskId, u64)>,
+    /// A branch with edits: its first turn makes this call.
+    begins_with: Option<Box<Call>>,
+    /// Facts and trees that its queries see for a while.
+    scope: Scoped,
+}
+
+/// How a task ended.
+pub(in crate::machine) struct End {
+    /// Its value, or the failure that left it.
+    value: Value,
+    pub round: u64,
+    failed: bool,
+    /// An edit has left it out, or put it off: its end decides nothing.
+    pub absent: bool,
 }
 
 /// What a task does.
@@ -117,16 +139,23 @@ pub(in crate::machine) enum Waits {
 pub(in crate::machine) struct Parked {
     registers: Vec<Value>,
     frames: Vec<Frame>,
-    drivers: Vec<Driver>,
-    handling: Vec<Handling>,
-    cleanups: Vec<CleanUp>,
     pc: u32,
     base: u32,
     here: Here,
+    /// What most tasks that wait have nothing of.
+    work: Option<Box<Work>>,
+}
+
+/// What a task is in the midst of.
+#[derive(Default)]
+struct Work {
+    drivers: Vec<Driver>,
+    handling: Vec<Handling>,
+    cleanups: Vec<CleanUp>,
     leaving: Option<u32>,
 }
 
-/// Registers of a task that are moved one by one; a deeper stack changes hands as a whole.
+/// Registers, and frames, of a task that are moved one by one; a deeper stack changes hands as a whole.
 const FEW: usize = 4096;
 
 /// The tasks of a run, who is ready, and what time will do.
@@ -189,7 +218,7 @@ struct Timer {
 
 impl Tasks {
     pub(in crate::machine) fn new(root: RecId) -> Tasks {
-        let root = Task::new(ROOT, root, TaskId::ROOT, 0, 0);
+        let root = Task::new(ROOT, root, TaskId::ROOT, 0);
         Tasks {
             all: vec![root],
             loaded: TaskId::ROOT,
@@ -218,7 +247,8 @@ impl Tasks {
         &mut self.all[id.at()]
     }
 
-    /// Which of two tasks stands first in the source: a parent before its branches, these in order.
+    /// Which of two tasks stands first in the source: a parent before its branches, these in order. (A task
+    /// does one form at a time, and its branches are made in order.)
     fn order(&self, a: TaskId, b: TaskId) -> Ordering {
         let (mut x, mut y) = (a, b);
         while self.get(x).depth > self.get(y).depth {
@@ -233,7 +263,7 @@ impl Tasks {
         while self.get(x).parent != self.get(y).parent {
             (x, y) = (self.get(x).parent, self.get(y).parent);
         }
-        self.get(x).ordinal.cmp(&self.get(y).ordinal)
+        x.cmp(&y)
     }
 
     /// A task that waited has its turn in the next round.
@@ -263,10 +293,45 @@ impl Tasks {
         self.all.len() * task
     }
 
-    /// Forgets tasks that have ended and that nobody can name, as far as they are the last ones: their
-    /// numbers serve again.
-    pub(in crate::machine) fn reclaim(&mut self) {
-        while self.all.last().is_some_and(|task| task.state == State::Ended && !task.kept) {
+    /// How many there are.
+    pub(in crate::machine) fn count(&self) -> u32 {
+        self.all.len() as u32
+    }
+
+    /// So many will be added.
+    pub(in crate::machine) fn reserve(&mut self, more: usize) {
+        self.all.reserve(more);
+    }
+
+    /// A new branch of the loaded task. In a clean-up it has time until `limit`.
+    pub(in crate::machine) fn add(&mut self, slot: SlotId, limit: Option<u64>) {
+        let above = self.get(self.loaded);
+        let limit = limit.or(above.limit());
+        let branch = Task::new(slot, RecId(0), self.loaded, above.depth + 1);
+        let scope = above.scope();
+        let is_rare = limit.is_some() || scope.is_some();
+        let rare = is_rare.then(|| Box::new(Rare { limit, scope, ..Rare::default() }));
+        self.all.push(Task { rare, ..branch });
+    }
+
+    /// The branches of a form.
+    pub(in crate::machine) fn branches(&self, range: &Range<u32>) -> &[Task] {
+        &self.all[range.start as usize..range.end as usize]
+    }
+
+    /// A branch has a record: it has its first turn in the next round.
+    pub(in crate::machine) fn start(&mut self, id: TaskId, rec: RecId) {
+        self.get_mut(id).rec = rec;
+        self.ready.push(id);
+    }
+
+    /// The form with these branches is over. Those that nobody can name are forgotten, as far as they are the
+    /// last tasks: their numbers serve again.
+    pub(in crate::machine) fn forget(&mut self, branches: &Range<u32>) {
+        for task in &mut self.all[branches.start as usize..branches.end as usize] {
+            (task.end, task.forgotten) = (None, !task.kept);
+        }
+        while self.all.last().is_some_and(|task| task.forgotten) {
             self.all.pop();
         }
     }
@@ -309,7 +374,7 @@ impl Tasks {
         while self.next_timer().is_some_and(|at| at <= now) {
             if let Some(Reverse(timer)) = self.timers.pop() {
                 if timer.ends_clean_up {
-                    self.get_mut(timer.task).raise = Some(super::cleanup::too_long());
+                    self.get_mut(timer.task).will_raise(super::cleanup::too_long());
                 }
                 self.make_ready(timer.task);
             }
@@ -337,30 +402,117 @@ impl Tasks {
 }
 
 impl Task {
-    fn new(slot: SlotId, rec: RecId, parent: TaskId, ordinal: u32, depth: u32) -> Task {
+    fn new(slot: SlotId, rec: RecId, parent: TaskId, depth: u32) -> Task {
         Task {
             slot,
             rec,
             parent,
-            ordinal,
             depth,
             state: State::Ready,
             suspended: false,
-            status: None,
-            joiners: Vec::new(),
             kept: false,
+            forgotten: false,
             evaporate: None,
             thrown: false,
-            limit: u64::MAX,
             has_begun: false,
             mid: false,
-            origin: None,
-            begins_with: None,
-            raise: None,
             token: 0,
-            scope: None,
             parked: None,
+            rare: None,
+            end: None,
         }
+    }
+
+    fn rare_mut(&mut self) -> &mut Rare {
+        self.rare.get_or_insert_default()
+    }
+
+    /// When the time of the clean-up is over that it is part of.
+    pub(in crate::machine) fn limit(&self) -> Option<u64> {
+        self.rare.as_ref()?.limit
+    }
+
+    /// What its queries see for a while.
+    pub(in crate::machine) fn scope(&self) -> Scoped {
+        self.rare.as_ref()?.scope.clone()
+    }
+
+    pub(in crate::machine) fn set_scope(&mut self, scope: Scoped) {
+        self.rare_mut().scope = scope;
+    }
+
+    /// Its next turn begins with a failure.
+    pub(in crate::machine) fn will_raise(&mut self, raise: Raise) {
+        self.rare_mut().raise = Some(raise);
+    }
+
+    /// Its status as a fluent, if somebody has asked for that.
+    pub(in crate::machine) fn status(&self) -> Option<&Value> {
+        self.rare.as_ref()?.status.as_ref()
+    }
+
+    pub(in crate::machine) fn show_status(&mut self, fluent: Value) {
+        self.rare_mut().status = Some(fluent);
+    }
+
+    /// Another task waits for its end.
+    pub(in crate::machine) fn add_joiner(&mut self, waiting: TaskId, token: u64) {
+        self.rare_mut().joiners.push((waiting, token));
+    }
+
+    /// Who waits for its end.
+    pub(in crate::machine) fn joiners(&self) -> &[(TaskId, u64)] {
+        self.rare.as_ref().map_or(&[], |it| &it.joiners)
+    }
+
+    /// Its first turn makes this call.
+    pub(in crate::machine) fn begin_with(&mut self, call: Call) {
+        self.rare_mut().begins_with = Some(Box::new(call));
+    }
+
+    pub(in crate::machine) fn ends(&mut self, round: u64, outcome: Outcome, absent: bool) {
+        let failed = outcome.is_err();
+        let (Ok(value) | Err(value)) = outcome;
+        self.end = Some(End { value, round, failed, absent });
+    }
+
+    pub(in crate::machine) fn is_running(&self) -> bool {
+        self.rec != RecId(0) && self.end.is_none()
+    }
+
+    /// The failure that it ended with, if it was not stopped.
+    pub(in crate::machine) fn failure(&self) -> Option<&Value> {
+        self.end.as_ref().filter(|end| end.failed && !is_evaporation(&end.value)).map(|end| &end.value)
+    }
+
+    pub(in crate::machine) fn has_returned(&self) -> bool {
+        self.end.as_ref().is_some_and(|end| !end.failed)
+    }
+
+    pub(in crate::machine) fn has_succeeded(&self) -> bool {
+        self.end.as_ref().is_some_and(|end| !end.failed && !end.absent)
+    }
+
+    /// What it ended with.
+    pub(in crate::machine) fn outcome(&self) -> Option<Outcome> {
+        let end = self.end.as_ref()?;
+        Some(if end.failed { Err(end.value.clone()) } else { Ok(end.value.clone()) })
+    }
+
+    /// What it returned; nil if it did not.
+    pub(in crate::machine) fn value(&self) -> Value {
+        self.end.as_ref().filter(|end| !end.failed).map(|end| end.value.clone()).unwrap_or_default()
+    }
+
+    /// The failures of clean-ups while it was stopped, and the round in which it ended. One that was in its
+    /// clean-up already, and could not be stopped, ends with it.
+    pub(in crate::machine) fn clean_up_failures(&self) -> Vec<(u64, Value)> {
+        let Some(end) = self.end.as_ref().filter(|end| end.failed) else { return Vec::new() };
+        let failures = match end.value.as_failure() {
+            Some(it) if is_evaporation(&end.value) => it.also.clone(),
+            _ => self.evaporate.map(|_| end.value.clone()).into_iter().collect(),
+        };
+        failures.into_iter().map(|failure| (end.round, failure)).collect()
     }
 }
 
@@ -368,67 +520,35 @@ impl Task {
 // Loading
 
 impl Run {
-    /// A new branch of the loaded task. It waits until it is started.
-    pub(in crate::machine) fn new_task(&mut self, slot: SlotId, ordinal: u32) -> TaskId {
-        let parent = self.tasks.loaded;
-        let depth = self.tasks.get(parent).depth + 1;
-        let id = TaskId(self.tasks.all.len() as u32);
-        let limit = self.cleanups.last().map_or(self.tasks.get(parent).limit, CleanUp::deadline);
-        let scope = self.tasks.get(parent).scope.clone();
-        self.tasks.all.push(Task { limit, scope, ..Task::new(slot, RecId(0), parent, ordinal, depth) });
-        id
-    }
-
-    /// The task begins with a call, in the next round.
-    pub(in crate::machine) fn start_call(&mut self, id: TaskId, call: Call) {
-        let (pc, base, here) = (super::RESUME, 0, Here(call.parent.0));
-        let task = self.tasks.get_mut(id);
-        task.rec = call.rec;
-        task.begins_with = Some(Box::new(call));
-        task.parked =
-            Some(Box::new(Parked { registers: vec![Value::NIL], pc, base, here, ..Parked::default() }));
-        self.tasks.ready.push(id);
-    }
-
-    /// The task begins with the code at `pc`, with these values in its registers, in the next round.
-    pub(in crate::machine) fn start_task(
-        &mut self,
-        id: TaskId,
-        rec: RecId,
-        pc: u32,
-        values: impl Iterator<Item = Value>,
-    ) {
-        let mut parked = self.tasks.spare.pop().unwrap_or_default();
-        (parked.pc, parked.base, parked.here) = (pc, 1, Here(rec.0));
-        // It returns to a frame without instructions: that ends the task.
-        parked.registers.push(Value::NIL);
-        parked.registers.extend(values);
-        parked.frames.push(Frame { pc: super::RESUME, base: 0, here: Here(rec.0), dst: 0 });
-        let task = self.tasks.get_mut(id);
-        task.rec = rec;
-        task.parked = Some(parked);
-        self.tasks.ready.push(id);
-    }
-
     /// Puts the loaded task aside; it uses so many registers.
     fn park(&mut self, used: usize) {
         let mut parked = self.tasks.spare.pop().unwrap_or_default();
+        // Many may wait for long: no room that is not used.
         match used > FEW {
             true => parked.registers = std::mem::replace(&mut self.stack, vec![Value::NIL; 1024]),
             false => {
-                // Many may wait for long: no room that is not used.
                 parked.registers.reserve_exact(used);
                 parked.registers.extend(self.stack[..used].iter_mut().map(std::mem::take));
             }
         }
-        self.exchange(&mut parked);
-        let id = self.tasks.loaded;
-        self.tasks.get_mut(id).parked = Some(parked);
+        match self.frames.len() > FEW {
+            true => parked.frames = std::mem::take(&mut self.frames),
+            false => {
+                parked.frames.reserve_exact(self.frames.len());
+                parked.frames.append(&mut self.frames);
+            }
+        }
+        let idle = self.drivers.is_empty() && self.handling.is_empty() && self.cleanups.is_empty();
+        if !idle || self.leaving.is_some() {
+            self.exchange(parked.work.get_or_insert_default());
+        }
+        (parked.pc, parked.base, parked.here) = (self.pc, self.base, self.here);
+        self.tasks.get_mut(self.tasks.loaded).parked = Some(parked);
     }
 
     fn unpark(&mut self, id: TaskId) {
         self.tasks.loaded = id;
-        let Some(mut parked) = self.tasks.get_mut(id).parked.take() else { return };
+        let Some(mut parked) = self.tasks.get_mut(id).parked.take() else { return self.begin_branch(id) };
         if parked.registers.len() > FEW {
             self.stack = std::mem::take(&mut parked.registers);
         } else {
@@ -436,22 +556,53 @@ impl Run {
                 *register = value;
             }
         }
-        self.exchange(&mut parked);
+        match parked.frames.len() > FEW {
+            true => self.frames = std::mem::take(&mut parked.frames),
+            false => self.frames.append(&mut parked.frames),
+        }
+        if let Some(work) = &mut parked.work {
+            self.exchange(work);
+        }
+        (self.pc, self.base, self.here) = (parked.pc, parked.base, parked.here);
         if self.tasks.spare.len() < MOST_SPARE {
             self.tasks.spare.push(parked);
         }
     }
 
-    /// The loaded task and a parked one change places, but for their registers. One of them is empty.
-    fn exchange(&mut self, parked: &mut Parked) {
-        std::mem::swap(&mut self.frames, &mut parked.frames);
-        std::mem::swap(&mut self.drivers, &mut parked.drivers);
-        std::mem::swap(&mut self.handling, &mut parked.handling);
-        std::mem::swap(&mut self.cleanups, &mut parked.cleanups);
-        std::mem::swap(&mut self.leaving, &mut parked.leaving);
-        (self.pc, parked.pc) = (parked.pc, self.pc);
-        (self.base, parked.base) = (parked.base, self.base);
-        (self.here, parked.here) = (parked.here, self.here);
+    /// What the loaded task is in the midst of changes places with nothing, or the other way round.
+    fn exchange(&mut self, work: &mut Work) {
+        std::mem::swap(&mut self.drivers, &mut work.drivers);
+        std::mem::swap(&mut self.handling, &mut work.handling);
+        std::mem::swap(&mut self.cleanups, &mut work.cleanups);
+        std::mem::swap(&mut self.leaving, &mut work.leaving);
+    }
+
+    /// The registers for the first turn of a branch. It has no frames and drivers: where it ends, the task
+    /// does.
+    fn begin_branch(&mut self, id: TaskId) {
+        let Run { tasks, tree, stack, drivers, .. } = self;
+        let task = tasks.get(id);
+        (self.pc, self.base, self.here) = (super::RESUME, 0, Here(task.rec.0));
+        if task.rare.as_ref().is_some_and(|it| it.begins_with.is_some()) {
+            // The call is made from where the form is.
+            self.here = Here(tree.record(task.rec).parent.0);
+            stack[0] = Value::NIL;
+        } else if let Some(Driver::Fork(fork)) = innermost(tasks, drivers, task.parent) {
+            self.pc = fork.entry_of(id);
+            fork.fill(stack, id, tree.arg(task.rec, 0));
+        }
+    }
+
+    /// What is in the registers of a task that is not loaded, or will be.
+    fn values_of(&self, id: TaskId) -> Vec<Value> {
+        let task = self.tasks.get(id);
+        match (&task.parked, self.fork_of(id)) {
+            (Some(parked), _) => parked.registers.clone(),
+            (None, Some(fork)) if task.is_running() && !task.has_begun => {
+                fork.values_of(id, self.tree.arg(task.rec, 0)).cloned().collect()
+            }
+            _ => Vec::new(),
+        }
     }
 
     /// The innermost driver of a task that waits for its branches.
@@ -459,32 +610,42 @@ impl Run {
         if self.tasks.loaded == id {
             return self.drivers.last_mut();
         }
-        self.tasks.get_mut(id).parked.as_mut()?.drivers.last_mut()
+        self.tasks.get_mut(id).parked.as_mut()?.work.as_mut()?.drivers.last_mut()
+    }
+
+    /// The form that a task is a branch of.
+    pub(in crate::machine) fn fork_of(&self, id: TaskId) -> Option<&Fork> {
+        match innermost(&self.tasks, &self.drivers, self.tasks.get(id).parent)? {
+            Driver::Fork(fork) if id != TaskId::ROOT => Some(fork),
+            _ => None,
+        }
     }
 
     /// The frames and drivers of a task.
     pub(in crate::machine) fn frames_of(&self, id: TaskId) -> (&[Frame], &[Driver]) {
         match &self.tasks.get(id).parked {
-            Some(parked) => (&parked.frames, &parked.drivers),
+            Some(parked) => (&parked.frames, parked.drivers()),
             None => (&self.frames, &self.drivers),
         }
     }
 
     /// The clean-ups that a task is in.
     pub(in crate::machine) fn cleanups_of(&mut self, id: TaskId) -> &mut [CleanUp] {
-        match &mut self.tasks.get_mut(id).parked {
-            Some(parked) => &mut parked.cleanups,
-            None => &mut self.cleanups,
+        if self.tasks.loaded == id {
+            return &mut self.cleanups;
         }
+        let work = self.tasks.get_mut(id).parked.as_mut().and_then(|parked| parked.work.as_mut());
+        work.map_or(&mut [], |work| &mut work.cleanups)
     }
 
     /// The record whose code a task does.
-    pub(in crate::machine) fn stands_in(&self, task: &Task) -> RecId {
+    pub(in crate::machine) fn stands_in(&self, id: TaskId) -> RecId {
+        let task = self.tasks.get(id);
         match &task.parked {
-            // A branch with edits that has not begun.
-            Some(_) if task.begins_with.is_some() => task.rec,
             Some(parked) => self.record(parked.here),
-            None => self.record(self.here),
+            None if self.tasks.loaded == id => self.record(self.here),
+            // A branch that has not begun.
+            None => task.rec,
         }
     }
 
@@ -552,7 +713,7 @@ impl Run {
 
     fn is_cleaning_up(&self, id: TaskId) -> bool {
         match &self.tasks.get(id).parked {
-            Some(parked) => !parked.cleanups.is_empty(),
+            Some(parked) => parked.work.as_ref().is_some_and(|work| !work.cleanups.is_empty()),
             None => self.tasks.loaded == id && !self.cleanups.is_empty(),
         }
     }
@@ -563,6 +724,21 @@ impl Run {
         } else if let Some(parked) = &mut self.tasks.get_mut(id).parked {
             parked.registers[at] = value;
         }
+    }
+}
+
+impl Parked {
+    fn drivers(&self) -> &[Driver] {
+        self.work.as_ref().map_or(&[], |work| &work.drivers)
+    }
+}
+
+/// The innermost driver of a task. The loaded one has these.
+fn innermost<'r>(tasks: &'r Tasks, loaded: &'r [Driver], id: TaskId) -> Option<&'r Driver> {
+    match &tasks.get(id).parked {
+        Some(parked) => parked.drivers().last(),
+        None if tasks.loaded == id => loaded.last(),
+        None => None,
     }
 }
 

@@ -65,7 +65,7 @@ impl Machine {
         let run = self.top();
         let task = run.tasks.get_mut(run.tasks.loaded);
         let (mid, has_begun) = (std::mem::take(&mut task.mid), std::mem::replace(&mut task.has_begun, true));
-        let (rec, raise) = (task.rec, task.raise.take());
+        let (rec, raise) = (task.rec, task.rare.as_mut().and_then(|it| it.raise.take()));
         if let (false, Some(why)) = (has_begun, task.evaporate) {
             // It has a record nevertheless, which begins and ends now.
             task.thrown = true;
@@ -90,7 +90,7 @@ impl Machine {
     /// The call of a branch with edits.
     fn begin_edited(&mut self, host: &mut dyn Host) -> Option<Exit> {
         let run = self.top();
-        let call = run.tasks.get_mut(run.tasks.loaded).begins_with.take()?;
+        let call = run.tasks.get_mut(run.tasks.loaded).rare.as_mut()?.begins_with.take()?;
         match self.drive(host, 0, *call) {
             Ok(exit) => exit,
             Err(raise) => self.unwind(host, raise),
@@ -147,7 +147,8 @@ impl Machine {
         run.leaving = None;
         run.handling.clear();
         run.cleanups.clear();
-        for (waiting, token) in std::mem::take(&mut run.tasks.get_mut(id).joiners) {
+        let joiners = run.tasks.get_mut(id).rare.as_mut().map(|it| std::mem::take(&mut it.joiners));
+        for (waiting, token) in joiners.unwrap_or_default() {
             if run.tasks.is_waiting(waiting, token) {
                 run.tasks.make_ready(waiting);
             }
@@ -249,7 +250,7 @@ impl Machine {
         for (it, event) in asked.iter().zip(entry.events) {
             match event.answer {
                 Ok(answer) => run.set_register(it.task, it.register, from_json(&answer)),
-                Err(why) => run.tasks.get_mut(it.task).raise = Some(no_answer(&it.request, why)),
+                Err(why) => run.tasks.get_mut(it.task).will_raise(no_answer(&it.request, why)),
             }
             run.tasks.make_ready(it.task);
         }
@@ -295,7 +296,7 @@ impl Machine {
             .map(|(id, _)| id)
             .find(|id| run.is_cleaning_up(*id));
         if let Some(id) = stuck {
-            run.tasks.get_mut(id).raise = Some(too_long());
+            run.tasks.get_mut(id).will_raise(too_long());
             run.tasks.make_ready(id);
             return None;
         }
