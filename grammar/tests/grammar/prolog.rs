@@ -276,7 +276,7 @@ fn comparisons() {
         "p :- var(X).\np :- nonvar(X).\np :- atom(X).\np :- number(X).\np :- integer(X).\np :- is_list(X).\np :- memberchk(X, L).",
         expect![[r#"
             (var? ?x)
-            (not (var? ?x))
+            (bound? ?x)
             (symbol? ?x)
             (number? ?x)
             (integer? ?x)
