@@ -138,7 +138,7 @@ impl Chains {
                     width_m: 0.1,
                     fingers: ["hand_link", "left_finger_link", "right_finger_link"].map(String::from).into(),
                 }),
-                park: vec![0.0, -1.9, 2.5, 0.0, 0.9, 0.0],
+                park: vec![0.0, -1.6, 2.4, 0.0, 0.8, 0.0],
             }],
         }
     }

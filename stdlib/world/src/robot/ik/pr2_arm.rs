@@ -32,7 +32,7 @@ use nalgebra::{Isometry3, Matrix3, Unit, UnitQuaternion, Vector3};
 use crate::robot::chain::{Chain, Segment};
 use crate::robot::model::JointKind;
 
-use super::{LIMIT_TOLERANCE, Unreachable, Values, distance_squared, unwound};
+use super::{Unreachable, Values, distance_squared, unwound};
 
 /// Step of the coarse scan.
 const COARSE_RAD: f64 = 0.1;
