@@ -57,7 +57,12 @@ impl Dice {
 
     fn configuration(&mut self, chain: &Chain) -> Vec<f64> {
         let pi = std::f64::consts::PI;
-        chain.limits().iter().map(|limits| limits.unwrap_or((-pi, pi))).map(|(low, high)| low + (high - low) * self.unit()).collect()
+        chain
+            .limits()
+            .iter()
+            .map(|limits| limits.unwrap_or((-pi, pi)))
+            .map(|(low, high)| low + (high - low) * self.unit())
+            .collect()
     }
 }
 
@@ -87,7 +92,9 @@ fn inverse(wanted: &dyn Fn(&str) -> bool, pr2: &Robot, one_arm: &Robot) {
 fn solve_random(name: &str, solver: &Solver, queries: usize) {
     let mut dice = Dice(1);
     let targets: Vec<(Isometry3<f64>, Vec<f64>)> = (0..queries)
-        .map(|_| (solver.chain().forward(&dice.configuration(solver.chain())), dice.configuration(solver.chain())))
+        .map(|_| {
+            (solver.chain().forward(&dice.configuration(solver.chain())), dice.configuration(solver.chain()))
+        })
         .collect();
     solve_all(name, solver, &targets);
 }

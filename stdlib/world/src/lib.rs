@@ -18,3 +18,6 @@ pub mod robot;
 pub mod shape;
 
 mod random;
+
+#[cfg(test)]
+mod tests;

@@ -95,9 +95,15 @@ impl Chains {
                 closed: 0.0,
                 open: 0.548,
                 width_m: 0.09,
-                fingers: ["gripper_palm", "gripper_l_finger", "gripper_r_finger", "gripper_l_finger_tip", "gripper_r_finger_tip"]
-                    .map(|part| format!("{side}_{part}_link"))
-                    .into(),
+                fingers: [
+                    "gripper_palm",
+                    "gripper_l_finger",
+                    "gripper_r_finger",
+                    "gripper_l_finger_tip",
+                    "gripper_r_finger_tip",
+                ]
+                .map(|part| format!("{side}_{part}_link"))
+                .into(),
             }),
             park: park.into(),
         };
@@ -323,8 +329,9 @@ impl Robot {
         if !self.hangs_on(tip_id, base_id) {
             return Err(Mistake::NotConnected { part: part.into(), base: base.into(), tip: tip.into() });
         }
-        let mut path: Vec<LinkId> =
-            std::iter::successors(Some(tip_id), |link| self.links[link.0].parent).take_while(|link| *link != base_id).collect();
+        let mut path: Vec<LinkId> = std::iter::successors(Some(tip_id), |link| self.links[link.0].parent)
+            .take_while(|link| *link != base_id)
+            .collect();
         path.reverse();
         let chain = Chain::of(self, base_id, tip_id, &path);
         if chain.segments.is_empty() {
@@ -456,7 +463,8 @@ impl Chain {
         let mut pose = Isometry3::identity();
         for (segment, place) in self.segments.iter().zip(&mut axes) {
             pose *= segment.origin;
-            *place = (pose.rotation * segment.axis.into_inner() * segment.multiplier, pose.translation.vector);
+            *place =
+                (pose.rotation * segment.axis.into_inner() * segment.multiplier, pose.translation.vector);
             segment.kind.apply(&segment.axis, segment.position(values), &mut pose);
         }
         pose *= self.tool;

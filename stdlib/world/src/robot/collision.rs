@@ -222,7 +222,8 @@ impl CollisionModel {
         let bodies: Vec<(LinkId, Body)> =
             shaped.map(|link| (link, Body::moving(&robot.links()[link.index()].shapes))).collect();
         let same_gripper = |a: LinkId, b: LinkId| {
-            let fingers = limbs.arms.iter().filter_map(|arm| arm.gripper.as_ref()).map(|gripper| &gripper.fingers);
+            let fingers =
+                limbs.arms.iter().filter_map(|arm| arm.gripper.as_ref()).map(|gripper| &gripper.fingers);
             fingers.into_iter().any(|fingers| fingers.contains(&a) && fingers.contains(&b))
         };
         let mut pairs = Vec::new();
@@ -342,7 +343,9 @@ impl CollisionModel {
     }
 
     fn thing(&self, index: usize) -> Thing {
-        self.bodies.get(index).map_or_else(|| Thing::Carried(index - self.bodies.len()), |(link, _)| Thing::Link(*link))
+        self.bodies
+            .get(index)
+            .map_or_else(|| Thing::Carried(index - self.bodies.len()), |(link, _)| Thing::Link(*link))
     }
 
     fn place(&self, poses: &[Isometry3<f64>], carried: &[Carried], scratch: &mut Scratch) {
@@ -426,7 +429,10 @@ impl CollisionModel {
                         && !link.is_some_and(|link| obstacles.things[other.owner].may_touch.contains(&link))
                         && part.solid.touches(&placed.pose, &other_part.solid, &other.pose)
                     {
-                        return Some(Touch { first: self.thing(index), second: Thing::Obstacle(other.owner) });
+                        return Some(Touch {
+                            first: self.thing(index),
+                            second: Thing::Obstacle(other.owner),
+                        });
                     }
                 }
             }

@@ -40,8 +40,10 @@ pub enum Mistake {
         limit: usize,
     },
     /// Not XML, or not URDF.
-    #[error("is no URDF: {why}")]
+    #[error("{}{why}", place(.line))]
     NotUrdf {
+        /// The line of the link or joint in which the mistake is, if that is known.
+        line: Option<usize>,
         /// What the reader says.
         why: String,
     },
@@ -293,9 +295,16 @@ impl Mistake {
     fn help(&self) -> String {
         let fixed = match self {
             Mistake::NotReadable { .. } => "check the path and the rights of the file",
-            Mistake::TooManyLinks { .. } | Mistake::TooLarge { .. } => "leave out what is no link or joint; meshes belong into files of their own",
+            Mistake::TooManyLinks { .. } | Mistake::TooLarge { .. } => {
+                "leave out what is no link or joint; meshes belong into files of their own"
+            }
             Mistake::TooDeep { .. } => "look for an element that is not closed",
-            Mistake::NotUrdf { .. } => "a file that `check_urdf` accepts is read; xacro files are expanded first: `xacro robot.xacro > robot.urdf`",
+            Mistake::NotUrdf { line: Some(_), .. } => {
+                "what each element must have is listed at http://wiki.ros.org/urdf/XML"
+            }
+            Mistake::NotUrdf { .. } => {
+                "a file that `check_urdf` accepts is read; xacro files are expanded first: `xacro robot.xacro > robot.urdf`"
+            }
             Mistake::NoLinks => "the file of a robot has `<link name=\"…\">` elements inside of `<robot>`",
             Mistake::Duplicate { .. } => "rename one of the two",
             Mistake::JointWithoutLink { did_you_mean, .. } | Mistake::UnknownName { did_you_mean, .. } => {
@@ -304,24 +313,38 @@ impl Mistake {
                     None => "check the name against those in the file; capital letters matter".into(),
                 };
             }
-            Mistake::TwoParents { .. } => "a robot is a tree: remove one joint, or model the closed chain by a mimic joint",
+            Mistake::TwoParents { .. } => {
+                "a robot is a tree: remove one joint, or model the closed chain by a mimic joint"
+            }
             Mistake::Cycle { .. } => "a robot is a tree: remove one joint of the ring",
-            Mistake::SeveralRoots { .. } => "connect them by joints, if need be fixed ones, or delete what is left over",
+            Mistake::SeveralRoots { .. } => {
+                "connect them by joints, if need be fixed ones, or delete what is left over"
+            }
             Mistake::NotFinite { .. } => "write a number such as `0.1` or `-2e-3`",
             Mistake::WrongUnit { unit: "m", .. } => "lengths are in metres; is this in millimetres?",
-            Mistake::WrongUnit { .. } => "angles are in radians; is this in degrees? A joint without end is `continuous`",
-            Mistake::LimitsMissing { .. } => "add `<limit lower=\"…\" upper=\"…\" velocity=\"…\" effort=\"…\"/>`, or make a joint that turns without end `continuous`",
+            Mistake::WrongUnit { .. } => {
+                "angles are in radians; is this in degrees? A joint without end is `continuous`"
+            }
+            Mistake::LimitsMissing { .. } => {
+                "add `<limit lower=\"…\" upper=\"…\" velocity=\"…\" effort=\"…\"/>`, or make a joint that turns without end `continuous`"
+            }
             Mistake::LimitsReversed { .. } => "swap the two",
             Mistake::NoAxis { .. } => "write the direction, for example `<axis xyz=\"0 0 1\"/>`",
-            Mistake::Unsupported { .. } => "use revolute, continuous, prismatic and fixed joints; several at one place make a joint of more directions",
+            Mistake::Unsupported { .. } => {
+                "use revolute, continuous, prismatic and fixed joints; several at one place make a joint of more directions"
+            }
             Mistake::FlatShape { .. } => "all lengths must be above 0",
             Mistake::NegativeMass { .. } => "a mass is above 0, or left out for a link that is only a frame",
             Mistake::BadMimic { .. } => "let it mimic a revolute, continuous or prismatic joint",
-            Mistake::NotConnected { .. } => "the first link of a chain is above the last one; are the two exchanged?",
+            Mistake::NotConnected { .. } => {
+                "the first link of a chain is above the last one; are the two exchanged?"
+            }
             Mistake::NothingMoves { .. } => "choose a first link further up, or a last link further down",
             Mistake::ChainTooLong { .. } => "choose a first link further down",
             Mistake::WrongJoint { .. } => "name another joint, or change its type in the file",
-            Mistake::WrongCount { .. } => "give one value for each moving joint between base and tip, in this order",
+            Mistake::WrongCount { .. } => {
+                "give one value for each moving joint between base and tip, in this order"
+            }
         };
         fixed.into()
     }
@@ -334,6 +357,10 @@ impl Mistake {
 pub(crate) fn not_readable(path: &std::path::Path, why: &std::io::Error) -> RobotError {
     let file: PathBuf = path.into();
     Mistake::NotReadable { why: why.to_string() }.of(&file.display().to_string())
+}
+
+fn place(line: &Option<usize>) -> String {
+    line.map_or_else(|| "is no URDF: ".into(), |line| format!("line {line}: "))
 }
 
 fn list(names: &[String]) -> String {

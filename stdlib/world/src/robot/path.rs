@@ -75,10 +75,14 @@ pub fn between(from: &Isometry3<f64>, to: &Isometry3<f64>, share: f64) -> Isomet
 
 /// Axis and angle of the short turn from one pose to the other, in the axes of `from`; no axis if
 /// there is no turn.
-fn rotation_between(from: &Isometry3<f64>, to: &Isometry3<f64>) -> (Option<Unit<nalgebra::Vector3<f64>>>, f64) {
+fn rotation_between(
+    from: &Isometry3<f64>,
+    to: &Isometry3<f64>,
+) -> (Option<Unit<nalgebra::Vector3<f64>>>, f64) {
     let turned = (from.rotation.inverse() * to.rotation).into_inner();
     // A half turn either way is the same rotation; the one with the smaller angle is taken.
-    let (imaginary, real) = if turned.w < 0.0 { (-turned.imag(), -turned.w) } else { (turned.imag(), turned.w) };
+    let (imaginary, real) =
+        if turned.w < 0.0 { (-turned.imag(), -turned.w) } else { (turned.imag(), turned.w) };
     let length = imaginary.norm();
     (Unit::try_new(imaginary, 1e-12), 2.0 * libm::atan2(length, real))
 }
@@ -137,7 +141,11 @@ pub fn tool_path(
             // The via pose itself, not one that rounding made of it.
             let pose = if number == steps { *to } else { between(&from, to, share) };
             let mut next = last.clone();
-            solver.solve(&pose, &last, random, &mut next).map_err(|why| NoToolPath::Unreachable { via, share, why })?;
+            solver.solve(&pose, &last, random, &mut next).map_err(|why| NoToolPath::Unreachable {
+                via,
+                share,
+                why,
+            })?;
             let by = last.iter().zip(&next).map(|(last, next)| (next - last).abs()).fold(0.0, f64::max);
             if by > resolution.jump {
                 return Err(NoToolPath::Jump { via, share, by });

@@ -69,7 +69,7 @@ fn read(file: &str, text: &str) -> Result<Robot, Mistake> {
     if depth(text) > MAX_DEPTH {
         return Err(Mistake::TooDeep { limit: MAX_DEPTH });
     }
-    let file_data = urdf_rs::read_from_string(text).map_err(|why| Mistake::NotUrdf { why: one_line(&why) })?;
+    let file_data = urdf_rs::read_from_string(text).map_err(|why| not_urdf(text, &why))?;
     let tree = Tree::of(&file_data)?;
     Builder::new(file, &file_data, tree).build()
 }
@@ -92,10 +92,48 @@ fn depth(text: &str) -> usize {
     deepest
 }
 
+/// The reader does not say where it met a mistake, so links and joints are read one by one until it
+/// meets one again.
+fn not_urdf(text: &str, why: &urdf_rs::UrdfError) -> Mistake {
+    let mut at = 0;
+    while let Some(start) = text[at..].find('<').map(|offset| at + offset) {
+        let rest = &text[start..];
+        let name: String = rest[1..].chars().take_while(|letter| letter.is_ascii_alphanumeric()).collect();
+        let end = match name.as_str() {
+            _ if rest.starts_with("<!--") => rest.find("-->"),
+            // Simulators and motors have elements that are called joints, too.
+            "link" | "joint" | "transmission" | "gazebo" => element_end(rest, &name),
+            _ => Some(1),
+        };
+        let line = || Some(text[..start].matches('\n').count() + 1);
+        let Some(end) = end else {
+            return Mistake::NotUrdf { line: line(), why: format!("`<{name}>` is not closed") };
+        };
+        if matches!(name.as_str(), "link" | "joint") {
+            let alone = format!("<robot name=\"\">{}</robot>", &rest[..end]);
+            if let Err(why) = urdf_rs::read_from_string(&alone) {
+                return Mistake::NotUrdf { line: line(), why: one_line(&why) };
+            }
+        }
+        at = start + end;
+    }
+    Mistake::NotUrdf { line: None, why: one_line(why) }
+}
+
+/// Length of the element that the text begins with.
+fn element_end(text: &str, name: &str) -> Option<usize> {
+    let opened = text.find('>')? + 1;
+    if text[..opened].ends_with("/>") {
+        return Some(opened);
+    }
+    let close = format!("</{name}>");
+    text.find(&close).map(|at| at + close.len())
+}
+
 /// What the reader says, on one line and not longer than a screen's.
 fn one_line(why: &urdf_rs::UrdfError) -> String {
     let text = why.to_string();
-    let words: Vec<&str> = text.split_whitespace().collect();
+    let words: Vec<&str> = text.trim_start_matches("custom: ").split_whitespace().collect();
     words.join(" ").chars().take(200).collect()
 }
 
@@ -142,7 +180,9 @@ impl Tree {
             }
             below[parent].push(number);
         }
-        let names = |chosen: &mut dyn Iterator<Item = usize>| chosen.map(|link| data.links[link].name.clone()).collect();
+        let names = |chosen: &mut dyn Iterator<Item = usize>| {
+            chosen.map(|link| data.links[link].name.clone()).collect()
+        };
         let roots: Vec<usize> = (0..data.links.len()).filter(|link| above[*link].is_none()).collect();
         let [mut root] = roots[..] else {
             return Err(match roots.is_empty() {
@@ -157,7 +197,8 @@ impl Tree {
             let mut lost = (0..data.links.len()).filter(|link| !order.contains(link));
             return Err(Mistake::Cycle { links: names(&mut lost) });
         }
-        let mut tree = Tree { order: Vec::new(), joints: Vec::new(), base_joint: BaseJoint::None, warnings: Vec::new() };
+        let mut tree =
+            Tree { order: Vec::new(), joints: Vec::new(), base_joint: BaseJoint::None, warnings: Vec::new() };
         while let [joint] = below[root][..] {
             tree.base_joint = match data.joints[joint].joint_type {
                 urdf_rs::JointType::Planar => BaseJoint::Planar,
@@ -230,8 +271,13 @@ impl<'a> Builder<'a> {
 
     fn links(&mut self) -> Result<(), Mistake> {
         let data = self.data;
-        let place_of: BTreeMap<&str, usize> =
-            self.tree.order.iter().enumerate().map(|(place, link)| (data.links[*link].name.as_str(), place)).collect();
+        let place_of: BTreeMap<&str, usize> = self
+            .tree
+            .order
+            .iter()
+            .enumerate()
+            .map(|(place, link)| (data.links[*link].name.as_str(), place))
+            .collect();
         let collides = data.links.iter().any(|link| !link.collision.is_empty());
         let seen = data.links.iter().any(|link| !link.visual.is_empty());
         if !collides && seen {
@@ -242,8 +288,16 @@ impl<'a> Builder<'a> {
             let parent = place.checked_sub(1).map(|joint| &data.joints[self.tree.joints[joint]].parent.link);
             let parent = parent.and_then(|name| place_of.get(name.as_str()).copied()).map(LinkId);
             let shapes = match collides {
-                true => shapes(link, link.collision.iter().map(|part| (&part.origin, &part.geometry)), &mut self.robot.warnings)?,
-                false => shapes(link, link.visual.iter().map(|part| (&part.origin, &part.geometry)), &mut self.robot.warnings)?,
+                true => shapes(
+                    link,
+                    link.collision.iter().map(|part| (&part.origin, &part.geometry)),
+                    &mut self.robot.warnings,
+                )?,
+                false => shapes(
+                    link,
+                    link.visual.iter().map(|part| (&part.origin, &part.geometry)),
+                    &mut self.robot.warnings,
+                )?,
             };
             let built = body(link, parent, shapes)?;
             if built.mass == 0.0 && !built.shapes.is_empty() {
@@ -267,7 +321,11 @@ impl<'a> Builder<'a> {
             let mut drive = None;
             if kind != JointKind::Fixed && joint.mimic.is_none() {
                 let variable = variable(joint, kind, JointId(self.robot.joints.len()))?;
-                drive = Some(Drive { variable: VariableId(self.robot.variables.len()), multiplier: 1.0, offset: 0.0 });
+                drive = Some(Drive {
+                    variable: VariableId(self.robot.variables.len()),
+                    multiplier: 1.0,
+                    offset: 0.0,
+                });
                 self.robot.variables.push(variable);
             }
             self.robot.joints.push(Joint { name: joint.name.clone(), kind, origin, axis, drive });
@@ -281,20 +339,27 @@ impl<'a> Builder<'a> {
     /// What moves the joint at this place: follows mimics until a joint that moves by itself.
     fn drive(&self, place: usize) -> Result<Option<Drive>, Mistake> {
         let joint = &self.robot.joints[place];
-        let written = |place: usize| self.tree.joints.get(place).and_then(|joint| self.data.joints[*joint].mimic.as_ref());
+        let written = |place: usize| {
+            self.tree.joints.get(place).and_then(|joint| self.data.joints[*joint].mimic.as_ref())
+        };
         if joint.kind == JointKind::Fixed || joint.drive.is_some() {
             return Ok(joint.drive);
         }
         let (mut multiplier, mut offset, mut at) = (1.0, 0.0, place);
         for _ in 0..MAX_MIMICS {
             let Some(mimic) = written(at) else { break };
-            let bad = |why| Mistake::BadMimic { joint: joint.name.clone(), source_joint: mimic.joint.clone(), why };
+            let bad =
+                |why| Mistake::BadMimic { joint: joint.name.clone(), source_joint: mimic.joint.clone(), why };
             offset += multiplier * mimic.offset.unwrap_or(0.0);
             multiplier *= mimic.multiplier.unwrap_or(1.0);
             if !(f64::is_finite(offset) && f64::is_finite(multiplier)) {
-                return Err(Mistake::NotFinite { place: format!("joint `{}`", joint.name), what: "its mimic" });
+                return Err(Mistake::NotFinite {
+                    place: format!("joint `{}`", joint.name),
+                    what: "its mimic",
+                });
             }
-            let JointId(source) = self.robot.joint(&mimic.joint).ok_or_else(|| bad("which is not defined"))?;
+            let JointId(source) =
+                self.robot.joint(&mimic.joint).ok_or_else(|| bad("which is not defined"))?;
             match (&self.robot.joints[source], written(source)) {
                 (Joint { kind: JointKind::Fixed, .. }, _) => return Err(bad("which is fixed")),
                 (_, Some(_)) => at = source,
@@ -304,7 +369,11 @@ impl<'a> Builder<'a> {
             }
         }
         let source_joint = written(place).map_or_else(String::new, |mimic| mimic.joint.clone());
-        Err(Mistake::BadMimic { joint: joint.name.clone(), source_joint, why: "and at last itself, or a long way round" })
+        Err(Mistake::BadMimic {
+            joint: joint.name.clone(),
+            source_joint,
+            why: "and at last itself, or a long way round",
+        })
     }
 }
 
@@ -389,8 +458,12 @@ fn shapes<'a>(
     for (origin, geometry) in parts {
         let (name, shape) = match geometry {
             Geometry::Box { size } => ("box", Shape::Box { size: vector(size, "the size of a box", place)? }),
-            Geometry::Cylinder { radius, length } => ("cylinder", Shape::Cylinder { radius: *radius, length: *length }),
-            Geometry::Capsule { radius, length } => ("capsule", Shape::Capsule { radius: *radius, length: *length }),
+            Geometry::Cylinder { radius, length } => {
+                ("cylinder", Shape::Cylinder { radius: *radius, length: *length })
+            }
+            Geometry::Capsule { radius, length } => {
+                ("capsule", Shape::Capsule { radius: *radius, length: *length })
+            }
             Geometry::Sphere { radius } => ("sphere", Shape::Sphere { radius: *radius }),
             Geometry::Mesh { filename, .. } => {
                 warnings.push(Warning::MeshLeftOut { link: link.name.clone(), mesh: filename.clone() });
@@ -409,7 +482,11 @@ fn shapes<'a>(
     Ok(built)
 }
 
-fn vector(numbers: &[f64; 3], what: &'static str, place: impl Fn() -> String) -> Result<Vector3<f64>, Mistake> {
+fn vector(
+    numbers: &[f64; 3],
+    what: &'static str,
+    place: impl Fn() -> String,
+) -> Result<Vector3<f64>, Mistake> {
     let vector = Vector3::from(*numbers);
     match vector.iter().all(|number| number.is_finite()) {
         true => Ok(vector),

@@ -52,10 +52,10 @@ pub(super) fn solve(
     for attempt in 0..effort.attempts {
         let start = start(chain, seed, random, attempt);
         let (values, error) = descend(chain, target, &start, effort.steps);
-        if is_solved(&error) {
-            if let Some(values) = nearest_turns(chain, &values, seed) {
-                return Ok(values);
-            }
+        if is_solved(&error)
+            && let Some(values) = nearest_turns(chain, &values, seed)
+        {
+            return Ok(values);
         }
         let (linear, angular) = parts(&error);
         if linear + angular < distance_m + angle_rad {
@@ -80,7 +80,9 @@ pub(super) fn several(
             break;
         }
         let (values, error) = descend(chain, target, &start(chain, seed, random, attempt), effort.steps);
-        let Some(values) = nearest_turns(chain, &values, seed).filter(|_| is_solved(&error)) else { continue };
+        let Some(values) = nearest_turns(chain, &values, seed).filter(|_| is_solved(&error)) else {
+            continue;
+        };
         let same = |other: &Values| values.iter().zip(other).all(|(a, b)| (a - b).abs() < 1e-3);
         if !found.iter().any(same) {
             found.push(values);
@@ -96,7 +98,8 @@ fn start(chain: &Chain, seed: &Values, random: u64, attempt: u32) -> Values {
     if attempt > 0 {
         for (column, (value, limits)) in values.iter_mut().zip(chain.limits()).enumerate() {
             let (low, high) = limits.unwrap_or((*value - PI, *value + PI));
-            *value = low + (high - low) * unit(random, u64::from(attempt) * MAX_JOINTS as u64 + column as u64);
+            *value =
+                low + (high - low) * unit(random, u64::from(attempt) * MAX_JOINTS as u64 + column as u64);
         }
     }
     values
@@ -161,7 +164,8 @@ fn advance(
         let used = || columns.iter().zip(&free).filter(|(_, free)| **free).map(|(column, _)| column);
         let Some(y) = damped_inverse(used(), damping, &error) else { return false };
         let mut pushed = false;
-        for ((value, limits), (column, free)) in values.iter().zip(limits).zip(columns.iter().zip(&mut free)) {
+        for ((value, limits), (column, free)) in values.iter().zip(limits).zip(columns.iter().zip(&mut free))
+        {
             let (Some((low, high)), true) = (limits, *free) else { continue };
             let step = column.dot(&y);
             if (*value <= *low && step < 0.0) || (*value >= *high && step > 0.0) {
@@ -172,7 +176,8 @@ fn advance(
         if pushed {
             continue;
         }
-        for ((value, limits), (column, free)) in values.iter_mut().zip(limits).zip(columns.iter().zip(&free)) {
+        for ((value, limits), (column, free)) in values.iter_mut().zip(limits).zip(columns.iter().zip(&free))
+        {
             if *free {
                 let next = *value + column.dot(&y);
                 *value = limits.map_or(next, |(low, high)| next.clamp(low, high));
@@ -201,10 +206,8 @@ fn damped_inverse<'a>(
     for row in 0..6 {
         l[row][row] += damping;
         for other in 0..=row {
-            let mut sum = l[row][other];
-            for k in 0..other {
-                sum -= l[row][k] * l[other][k];
-            }
+            let done: f64 = (0..other).map(|k| l[row][k] * l[other][k]).sum();
+            let sum = l[row][other] - done;
             if row == other {
                 // Rounding may eat up the damping; the smallest that can be is taken then.
                 l[row][row] = sum.max(LEAST_DAMPING).sqrt();

@@ -124,7 +124,13 @@ impl Solver {
     /// Up to `most` different configurations, the nearest to the seed first: for callers that must
     /// avoid something. Empty if there are none; ask [`Solver::solve`] why.
     #[must_use]
-    pub fn solutions(&self, target: &Isometry3<f64>, seed: &[f64], random: u64, most: usize) -> Vec<Vec<f64>> {
+    pub fn solutions(
+        &self,
+        target: &Isometry3<f64>,
+        seed: &[f64],
+        random: u64,
+        most: usize,
+    ) -> Vec<Vec<f64>> {
         let Ok(seed) = self.checked(target, seed) else { return Vec::new() };
         let mut found = match &self.closed {
             Some(arm) => arm.all(target, &seed),
@@ -149,7 +155,8 @@ impl Solver {
             *place = limits.map_or(*value, |(low, high)| value.clamp(low, high));
         }
         let first = self.chain.segments.first().map_or_else(Isometry3::identity, |segment| segment.origin);
-        let (distance_m, reach_m) = ((target.translation.vector - first.translation.vector).norm(), self.chain.reach_m());
+        let (distance_m, reach_m) =
+            ((target.translation.vector - first.translation.vector).norm(), self.chain.reach_m());
         if distance_m > reach_m + ROUNDING_M {
             return Err(Unreachable::TooFar { distance_m, reach_m });
         }

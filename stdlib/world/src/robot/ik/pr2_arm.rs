@@ -44,8 +44,10 @@ const STEPS: usize = 63;
 const HOPELESS: f64 = -0.05;
 /// Halvings of a step around a peak; they end at 1e-9 rad.
 const PEAK_STEPS: usize = 32;
-/// A squared sine may be less than 0 by this.
-const ROUNDING: f64 = 1e-15;
+/// The slack of what is exactly at a limit, less what rounding takes.
+const AT_LIMIT: f64 = -1e-12;
+/// A squared sine may be less than 0 by this: 3e-8 m at the wrist.
+const ROUNDING: f64 = 1e-14;
 /// Sines below this make the last two rolls one.
 const SINGULAR: f64 = 1e-9;
 /// Signs of elbow, roll and wrist.
@@ -96,7 +98,10 @@ impl SinCos {
 
     #[inline]
     fn plus(self, other: SinCos) -> SinCos {
-        SinCos { sin: self.sin * other.cos + self.cos * other.sin, cos: self.cos * other.cos - self.sin * other.sin }
+        SinCos {
+            sin: self.sin * other.cos + self.cos * other.sin,
+            cos: self.cos * other.cos - self.sin * other.sin,
+        }
     }
 }
 
@@ -127,7 +132,7 @@ struct Wrist {
 #[derive(Debug, Clone, Copy, Default)]
 struct Branch {
     number: usize,
-    /// Least distance to what forbids the branch, in no unit; at least 0 if it is allowed.
+    /// Least distance to what forbids the branch, in no unit; at least [`AT_LIMIT`] if it is allowed.
     slack: f64,
     lift: SinCos,
     roll: SinCos,
@@ -161,11 +166,19 @@ impl Pr2Arm {
         let [pan, lift, roll, elbow, forearm, wrist, hand] = &chain.segments[..] else { return None };
         let (x, y, z) = (Vector3::x_axis(), Vector3::y_axis(), Vector3::z_axis());
         let parts = [(pan, z), (lift, y), (roll, x), (elbow, y), (forearm, x), (wrist, y), (hand, x)];
-        let fits = parts.iter().enumerate().all(|(column, (segment, axis))| turns_about(segment, axis, column));
+        let fits =
+            parts.iter().enumerate().all(|(column, (segment, axis))| turns_about(segment, axis, column));
         let shifts = [lift, roll, elbow, forearm, wrist, hand].map(shift_along_x);
-        let [Some(a), Some(roll), Some(l1), Some(forearm), Some(l2), Some(hand)] = shifts else { return None };
+        let [Some(a), Some(roll), Some(l1), Some(forearm), Some(l2), Some(hand)] = shifts else {
+            return None;
+        };
         // The axes of shoulder, elbow and wrist must meet, and the arm must have a length.
-        if !fits || [roll, forearm, hand].iter().any(|shift| *shift != 0.0) || l1 <= 0.0 || l2 <= 0.0 || a < 0.0 {
+        if !fits
+            || [roll, forearm, hand].iter().any(|shift| *shift != 0.0)
+            || l1 <= 0.0
+            || l2 <= 0.0
+            || a < 0.0
+        {
             return None;
         }
         let mut limits = [None; 7];
@@ -280,12 +293,12 @@ impl Pr2Arm {
             if step <= steps as usize {
                 self.branches(wrist, SinCos::of(pan), |branch| now[branch.number] = branch.slack);
             }
-            if now.iter().any(|slack| *slack >= 0.0) {
+            if now.iter().any(|slack| *slack >= AT_LIMIT) {
                 self.offer(wrist, SinCos::of(pan), pan, found, seed);
             }
             for (number, slack) in now.iter().enumerate() {
                 let [first, second] = before[number];
-                let peak = second > HOPELESS && second < 0.0 && second >= first && second >= *slack;
+                let peak = second > HOPELESS && second < AT_LIMIT && second >= first && second >= *slack;
                 if peak && step > 0 {
                     let middle = low + (step - 1) as f64 * width;
                     self.climb(wrist, number, (middle, width), (low, high), found, seed);
@@ -325,7 +338,7 @@ impl Pr2Arm {
                     break;
                 }
             }
-            if best >= 0.0 {
+            if best >= AT_LIMIT {
                 return self.offer(wrist, SinCos::of(middle), middle, found, seed);
             }
         }
@@ -335,10 +348,10 @@ impl Pr2Arm {
     #[inline]
     fn offer(&self, wrist: &Wrist, angle: SinCos, pan: f64, found: &mut dyn FnMut(&Values), seed: &Values) {
         self.branches(wrist, angle, |branch| {
-            if branch.slack >= 0.0 {
-                if let Some(values) = self.angles(wrist, angle, pan, branch, seed) {
-                    found(&values);
-                }
+            if branch.slack >= AT_LIMIT
+                && let Some(values) = self.angles(wrist, angle, pan, branch, seed)
+            {
+                found(&values);
             }
         });
     }
@@ -346,7 +359,9 @@ impl Pr2Arm {
     /// The branches for one value of the pan joint.
     #[inline]
     fn branches(&self, wrist: &Wrist, pan: SinCos, mut visit: impl FnMut(&Branch)) {
-        let after_pan = |v: &Vector3<f64>| Vector3::new(pan.cos * v.x + pan.sin * v.y, pan.cos * v.y - pan.sin * v.x, v.z);
+        let after_pan = |v: &Vector3<f64>| {
+            Vector3::new(pan.cos * v.x + pan.sin * v.y, pan.cos * v.y - pan.sin * v.x, v.z)
+        };
         let mut p = after_pan(&wrist.at);
         p.x -= self.a;
         let cos = (p.norm_squared() - self.l1 * self.l1 - self.l2 * self.l2) / (2.0 * self.l1 * self.l2);
@@ -357,7 +372,7 @@ impl Pr2Arm {
         if room < HOPELESS {
             return;
         }
-        let exists = if room > -ROUNDING { f64::INFINITY } else { room };
+        let exists = if room > -ROUNDING { f64::INFINITY } else { room.min(2.0 * AT_LIMIT) };
         // Stretched or folded arms differ from possible ones by rounding.
         let sin = bend.max(0.0).sqrt();
         let (sin_roll, cos_roll) = match sin > SINGULAR {
@@ -409,7 +424,14 @@ impl Pr2Arm {
 
     /// The angles of an allowed branch. `None` if one is outside of its limits after all, which for
     /// the PR2 only rounding can bring about, but on other arms limits of the last two rolls.
-    fn angles(&self, wrist: &Wrist, angle: SinCos, pan: f64, branch: &Branch, seed: &Values) -> Option<Values> {
+    fn angles(
+        &self,
+        wrist: &Wrist,
+        angle: SinCos,
+        pan: f64,
+        branch: &Branch,
+        seed: &Values,
+    ) -> Option<Values> {
         let mut values = Values::default();
         let mut set = |joint: usize, angle: f64| {
             values[joint] = unwound(angle, self.limits[joint], seed[joint])?;
@@ -420,7 +442,9 @@ impl Pr2Arm {
         set(2, branch.roll.angle())?;
         set(3, branch.elbow.angle())?;
         set(5, branch.flex.angle())?;
-        let after_pan = |v: Vector3<f64>| Vector3::new(angle.cos * v.x + angle.sin * v.y, angle.cos * v.y - angle.sin * v.x, v.z);
+        let after_pan = |v: Vector3<f64>| {
+            Vector3::new(angle.cos * v.x + angle.sin * v.y, angle.cos * v.y - angle.sin * v.x, v.z)
+        };
         let [x, y, z] = [0, 1, 2].map(|column| after_pan(wrist.axes.column(column).into_owned()));
         let up = branch.forearm.cross(&branch.side);
         let flex = branch.flex.sin;
@@ -448,5 +472,9 @@ fn turns_about(segment: &Segment, axis: &Unit<Vector3<f64>>, column: usize) -> b
 /// How far a joint is from the one before, if it is that along X and not turned.
 fn shift_along_x(segment: &Segment) -> Option<f64> {
     let (at, turned) = (segment.origin.translation.vector, segment.origin.rotation.coords.xyz().norm());
-    (at.y.abs() < 1e-12 && at.z.abs() < 1e-12 && turned < 1e-12).then_some(if at.x.abs() < 1e-12 { 0.0 } else { at.x })
+    (at.y.abs() < 1e-12 && at.z.abs() < 1e-12 && turned < 1e-12).then_some(if at.x.abs() < 1e-12 {
+        0.0
+    } else {
+        at.x
+    })
 }
