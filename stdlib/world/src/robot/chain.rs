@@ -13,6 +13,8 @@ use super::model::{JointKind, LinkId, Robot, VariableId};
 /// Moving joints of a chain; longer ones are refused, so that solvers need no heap.
 pub const MAX_JOINTS: usize = 16;
 
+const OUTSIDE: &str = "is outside of its limits";
+
 // ---------------------------------------------------------------------------------------------
 // Names, as data
 
@@ -258,7 +260,7 @@ impl Robot {
             let inside = limits.is_none_or(|(low, high)| (low..=high).contains(value));
             if !(value.is_finite() && inside) {
                 let joint = self.joints[self.variables[variable.0].joint.0].name.clone();
-                return Err(Mistake::WrongJoint { part, joint, why: "is parked outside of its limits" });
+                return Err(Mistake::BadValue { part, joint, what: "the parked position", why: OUTSIDE });
             }
         }
         let gripper = match &names.gripper {
@@ -271,15 +273,18 @@ impl Robot {
     fn gripper(&self, part: &str, names: &GripperNames) -> Result<Gripper, Mistake> {
         let part = format!("the gripper of {part}");
         let variable = self.moving(&part, &names.joint)?;
-        let wrong = |why| Mistake::WrongJoint { part: part.clone(), joint: names.joint.clone(), why };
+        let bad = |what, why| Mistake::BadValue { part: part.clone(), joint: names.joint.clone(), what, why };
         let inside = |value: f64| {
-            self.variables[variable.0].limits.is_none_or(|(low, high)| (low..=high).contains(&value))
+            value.is_finite()
+                && self.variables[variable.0].limits.is_none_or(|(low, high)| (low..=high).contains(&value))
         };
-        if !(inside(names.open) && inside(names.closed)) {
-            return Err(wrong("has limits that `open` or `closed` is outside of"));
+        for (what, value) in [("the open position", names.open), ("the closed position", names.closed)] {
+            if !inside(value) {
+                return Err(bad(what, OUTSIDE));
+            }
         }
         if !(names.width_m.is_finite() && names.width_m > 0.0) {
-            return Err(wrong("must open the fingers by a width above 0"));
+            return Err(bad("the width", "is not above 0"));
         }
         let fingers = names.fingers.iter().map(|finger| self.known_link(&part, finger));
         Ok(Gripper {

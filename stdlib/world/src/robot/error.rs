@@ -228,6 +228,18 @@ pub enum Mistake {
         /// What is expected of it.
         why: &'static str,
     },
+    /// A value that its joint cannot take.
+    #[error("{part}: {what} of joint `{joint}` {why}")]
+    BadValue {
+        /// Which part.
+        part: String,
+        /// The joint.
+        joint: String,
+        /// Which value.
+        what: &'static str,
+        /// What is wrong with it.
+        why: &'static str,
+    },
     /// A number of values that does not fit.
     #[error("{part}: {given} values are given for {needed} moving joints")]
     WrongCount {
@@ -342,6 +354,7 @@ impl Mistake {
             Mistake::NothingMoves { .. } => "choose a first link further up, or a last link further down",
             Mistake::ChainTooLong { .. } => "choose a first link further down",
             Mistake::WrongJoint { .. } => "name another joint, or change its type in the file",
+            Mistake::BadValue { .. } => "limits are those of the robot's file; radians and metres",
             Mistake::WrongCount { .. } => {
                 "give one value for each moving joint between base and tip, in this order"
             }
@@ -372,9 +385,16 @@ fn list(names: &[String]) -> String {
     shown.join(", ")
 }
 
-/// The name that was probably meant: at most a third of its letters differ.
-pub(crate) fn nearest<'a>(wanted: &str, names: impl Iterator<Item = &'a str>) -> Option<String> {
-    let scored = names.map(|name| (strsim::damerau_levenshtein(wanted, name), name));
-    let (distance, name) = scored.min_by_key(|(distance, _)| *distance)?;
-    (distance * 3 <= wanted.chars().count().max(3)).then(|| name.into())
+/// The name that was probably meant: one that is alike, or that contains what was written.
+pub(crate) fn nearest<'a>(wanted: &str, names: impl Iterator<Item = &'a str> + Clone) -> Option<String> {
+    const ALIKE: f64 = 0.8;
+    let mut best = (ALIKE, None);
+    for name in names.clone() {
+        let alike = strsim::jaro_winkler(wanted, name);
+        if alike > best.0 {
+            best = (alike, Some(name));
+        }
+    }
+    let containing = || names.filter(|_| wanted.len() > 2).find(|name| name.contains(wanted));
+    best.1.or_else(containing).map(String::from)
 }

@@ -209,8 +209,8 @@ fn robots_that_are_no_tree() {
     check_error(
         &robot(&format!("{base}{arm}{}", joint("j", "base", "arn"))),
         expect![[r#"
-        test.urdf: joint `j` names the link `arn`, which is not defined
-        help: did you mean `arm`?"#]],
+            test.urdf: joint `j` names the link `arn`, which is not defined
+            help: check the name against those in the file; capital letters matter"#]],
     );
     check_error(
         &robot(&format!("{base}{arm}{}{}", joint("j", "base", "arm"), joint("k", "base", "arm"))),
@@ -376,14 +376,14 @@ fn chains_with_mistakes() {
     check_chains(
         |chains| chains.torso = Some("torso_joint".into()),
         expect![[r#"
-        pr2.urdf: the torso names the joint `torso_joint`, which the robot does not have
-        help: check the name against those in the file; capital letters matter"#]],
+            pr2.urdf: the torso names the joint `torso_joint`, which the robot does not have
+            help: did you mean `torso_lift_joint`?"#]],
     );
     check_chains(
         |chains| chains.torso = Some("head_plate".into()),
         expect![[r#"
-        pr2.urdf: the torso names the joint `head_plate`, which the robot does not have
-        help: check the name against those in the file; capital letters matter"#]],
+            pr2.urdf: the torso names the joint `head_plate`, which the robot does not have
+            help: did you mean `head_pan_joint`?"#]],
     );
     check_chains(
         |chains| chains.arms[0].base = "l_gripper_tool_frame".into(),
@@ -418,8 +418,8 @@ fn chains_with_mistakes() {
     check_chains(
         |chains| chains.arms[0].park[3] = 1.0,
         expect![[r#"
-        pr2.urdf: the arm `left`: joint `l_elbow_flex_joint` is parked outside of its limits
-        help: name another joint, or change its type in the file"#]],
+            pr2.urdf: the arm `left`: the parked position of joint `l_elbow_flex_joint` is outside of its limits
+            help: limits are those of the robot's file; radians and metres"#]],
     );
     let gripper = |chains: &mut Chains, joint: &str| {
         chains.arms[0].gripper.as_mut().expect("it has one").joint = joint.into();
@@ -439,14 +439,14 @@ fn chains_with_mistakes() {
     check_chains(
         |chains| chains.arms[0].gripper.as_mut().expect("it has one").open = 2.0,
         expect![[r#"
-        pr2.urdf: the gripper of the arm `left`: joint `l_gripper_l_finger_joint` has limits that `open` or `closed` is outside of
-        help: name another joint, or change its type in the file"#]],
+            pr2.urdf: the gripper of the arm `left`: the open position of joint `l_gripper_l_finger_joint` is outside of its limits
+            help: limits are those of the robot's file; radians and metres"#]],
     );
     check_chains(
         |chains| chains.arms[0].gripper.as_mut().expect("it has one").width_m = f64::NAN,
         expect![[r#"
-        pr2.urdf: the gripper of the arm `left`: joint `l_gripper_l_finger_joint` must open the fingers by a width above 0
-        help: name another joint, or change its type in the file"#]],
+            pr2.urdf: the gripper of the arm `left`: the width of joint `l_gripper_l_finger_joint` is not above 0
+            help: limits are those of the robot's file; radians and metres"#]],
     );
     let head = |camera: &str| HeadNames {
         pan: "head_pan_joint".into(),
@@ -456,8 +456,8 @@ fn chains_with_mistakes() {
     check_chains(
         |chains| chains.head = Some(head("stereo")),
         expect![[r#"
-        pr2.urdf: the head names the link `stereo`, which the robot does not have
-        help: check the name against those in the file; capital letters matter"#]],
+            pr2.urdf: the head names the link `stereo`, which the robot does not have
+            help: did you mean `wide_stereo_optical_frame`?"#]],
     );
 }
 
