@@ -65,12 +65,12 @@ fn damped_least_squares_reach_what_other_chains_reach() {
     let with_torso = Solver::new(&robot.chain("base_link", "r_gripper_tool_frame").expect("it is connected"));
     let six_joints = Solver::new(&one_arm().1.arms[0].chain);
     assert!(!with_torso.is_closed() && !six_joints.is_closed());
-    check_golden(&with_torso, 500, expect!["500 of 500, 9b34af78b09ef28f"]);
-    check_golden(&six_joints, 500, expect!["500 of 500, 80a3a10d41b4d9d3"]);
+    check_golden(&with_torso, 500, expect!["500 of 500, e2fe96f6e3c5553d"]);
+    check_golden(&six_joints, 500, expect!["500 of 500, cf0d5c540ceae9fe"]);
     check_golden(
         &Solver::numeric(closed().chain(), Effort::default()),
         500,
-        expect!["500 of 500, 4ca3e3d7a91628a6"],
+        expect!["500 of 500, eb972568627f0295"],
     );
 }
 
@@ -168,7 +168,7 @@ fn what_cannot_be_reached_is_told() {
     let answer = numeric.solve(&Isometry3::translation(0.2, 0.0, 0.1), &[0.0; 6], 0, &mut out);
     assert!(matches!(answer, Ok(()) | Err(Unreachable::NotFound { .. })));
     let inside = numeric.solve(&Isometry3::translation(0.0, 0.0, 0.0), &[0.0; 6], 0, &mut out);
-    assert!(matches!(inside, Err(Unreachable::NotFound { attempts: 60, .. })), "{inside:?}");
+    assert!(matches!(inside, Err(Unreachable::NotFound { attempts: 100, .. })), "{inside:?}");
     assert!(solver.solve(&Isometry3::identity(), &[f64::NAN; 7], 0, &mut out).is_err());
 }
 

@@ -210,7 +210,7 @@ fn robots_that_are_no_tree() {
         &robot(&format!("{base}{arm}{}", joint("j", "base", "arn"))),
         expect![[r#"
             test.urdf: joint `j` names the link `arn`, which is not defined
-            help: check the name against those in the file; capital letters matter"#]],
+            help: did you mean `arm`?"#]],
     );
     check_error(
         &robot(&format!("{base}{arm}{}{}", joint("j", "base", "arm"), joint("k", "base", "arm"))),

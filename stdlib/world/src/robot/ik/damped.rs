@@ -25,7 +25,7 @@ pub struct Effort {
 
 impl Default for Effort {
     fn default() -> Effort {
-        Effort { attempts: 60, steps: 40 }
+        Effort { attempts: 100, steps: 40 }
     }
 }
 
@@ -36,9 +36,10 @@ const DAMPING: f64 = 0.02;
 /// Damping without any error, so that singular matrices have an inverse.
 const LEAST_DAMPING: f64 = 1e-12;
 /// The error of one step is taken for at most this, metres and radians.
-const LONGEST: f64 = 1.0;
-/// An attempt ends if in so many steps the error is not halved.
-const PATIENCE: u32 = 8;
+const LONGEST: f64 = 2.0;
+/// An attempt ends if in so many steps the squared error is not halved. Measured: to begin anew is
+/// cheaper than to wait, and costs no solutions.
+const PATIENCE: u32 = 3;
 
 /// A configuration that brings the tip to the target.
 pub(super) fn solve(
@@ -132,7 +133,7 @@ fn descend(chain: &Chain, target: &Isometry3<f64>, start: &Values, steps: u32) -
         if is_solved(&error) {
             break;
         }
-        if size < mark * 0.25 {
+        if size < mark * 0.5 {
             (mark, patience) = (size, PATIENCE);
         } else {
             patience -= 1;
