@@ -9,8 +9,8 @@
 //! Invariants
 //! 1. The same calls give the same bits on every machine: transcendental functions come from
 //!    `libm`, parry runs with `enhanced-determinism`, random numbers are functions of a seed that
-//!    the caller hands in. No product of matrices larger than 5 × 5 goes through nalgebra, for that
-//!    is left to a kernel that is chosen by the processor.
+//!    the caller hands in. No product of matrices whose size is known only at run time goes through
+//!    nalgebra, for large ones are left to a kernel that is chosen by the processor.
 //! 2. No file and no pose makes it panic.
 
 pub mod parry;

@@ -56,7 +56,7 @@ impl Solid {
 
     /// True if the two overlap or touch, with the frames that they are given in at these poses.
     pub(crate) fn touches(&self, at: &Isometry3<f64>, other: &Solid, other_at: &Isometry3<f64>) -> bool {
-        let relative = self.relative(at, other, other_at);
+        let Some(relative) = self.relative(at, other, other_at) else { return true };
         let answer = DefaultQueryDispatcher.intersection_test(&relative, &*self.shape, &*other.shape);
         // All pairs of our shapes are supported; were one not, touching is the safe answer.
         answer.map_or(true, |found| found.intersecting)
@@ -64,13 +64,15 @@ impl Solid {
 
     /// Metres between the two surfaces, 0 if they touch.
     pub(crate) fn distance(&self, at: &Isometry3<f64>, other: &Solid, other_at: &Isometry3<f64>) -> f64 {
-        let relative = self.relative(at, other, other_at);
+        let Some(relative) = self.relative(at, other, other_at) else { return 0.0 };
         let answer = DefaultQueryDispatcher.distance(&relative, &*self.shape, &*other.shape);
         answer.map_or(0.0, |distance| f64::from(distance.distance).max(0.0))
     }
 
-    fn relative(&self, at: &Isometry3<f64>, other: &Solid, other_at: &Isometry3<f64>) -> Pose {
-        pose(&(at * self.pose).inv_mul(&(other_at * other.pose)))
+    /// `None` if parry cannot work on it, because a number is none or does not fit into `f32`.
+    fn relative(&self, at: &Isometry3<f64>, other: &Solid, other_at: &Isometry3<f64>) -> Option<Pose> {
+        let relative = pose(&(at * self.pose).inv_mul(&(other_at * other.pose)));
+        relative.is_finite().then_some(relative)
     }
 
     /// The shape with its place, as parts of a compound are given.

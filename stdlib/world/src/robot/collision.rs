@@ -11,6 +11,9 @@
 //! Shapes of the robot and of what it carries are taken 1 mm smaller than they are ([`SLACK_M`]),
 //! so what stands on a table, or lies between two fingers, does not collide with it.
 //!
+//! A pose with a number that is not finite touches nothing: [`Robot::outside_limits`] finds such
+//! configurations.
+//!
 //! Pairs are looked at in the order of links, of carried things and of obstacles, and the first one
 //! that touches is the answer: the same on every machine.
 

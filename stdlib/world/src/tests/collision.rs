@@ -228,3 +228,24 @@ fn quick_tests_miss_nothing() {
         assert!(itself > 10 && others > 10, "{itself} {others}");
     }
 }
+
+#[test]
+fn odd_poses_do_not_panic() {
+    let mut stage = Stage::new(pr2());
+    let mut scratch = Scratch::default();
+    stage.carry("cup", cup());
+    for number in [f64::NAN, f64::INFINITY, 1e300, 1e18, -1e-310] {
+        let pose = Isometry3::translation(number, 0.0, number);
+        let mut obstacles = Obstacles::default();
+        for shape in [cup(), boxed(number, 1.0, 1.0), boxed(1.0, 1.0, 1.0)] {
+            obstacles.push("thing", &Body::new(&[shape]), &pose, &[]);
+            obstacles.push("thing", &Body::new(&[shape]), &Isometry3::identity(), &[]);
+        }
+        let mut poses = Vec::new();
+        stage.configuration.fill(number);
+        stage.robot.forward(&pose, &stage.configuration, &mut poses);
+        stage.model.touch(&poses, &stage.carried, &obstacles, &mut scratch);
+        stage.model.distance(&poses, &stage.carried, &obstacles, 1.0, &mut scratch);
+        stage.model.touch(&[], &stage.carried, &obstacles, &mut scratch);
+    }
+}
