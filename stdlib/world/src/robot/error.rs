@@ -150,13 +150,21 @@ pub enum Mistake {
         /// Why not.
         why: &'static str,
     },
-    /// A shape without volume.
-    #[error("link `{link}` has a {shape} without volume")]
-    FlatShape {
+    /// A shape with a length below 0, or one that is no number.
+    #[error("link `{link}` has a {shape} of negative or endless size")]
+    BadShape {
         /// The link.
         link: String,
         /// "box", "cylinder" …
         shape: &'static str,
+    },
+    /// A speed below 0.
+    #[error("joint `{joint}` has the greatest velocity {velocity}")]
+    NegativeVelocity {
+        /// The joint.
+        joint: String,
+        /// As written.
+        velocity: f64,
     },
     /// A mass below 0.
     #[error("link `{link}` has the mass {mass} kg")]
@@ -263,6 +271,14 @@ pub enum Warning {
         /// As written in the file.
         mesh: String,
     },
+    /// A shape that nothing can touch.
+    #[error("link `{link}`: a {shape} without volume is left out")]
+    FlatShape {
+        /// The link.
+        link: String,
+        /// "box", "cylinder" …
+        shape: &'static str,
+    },
     /// Nothing to collide with, so what is seen is taken.
     #[error("no link has a collision shape; the visual shapes are taken instead")]
     VisualShapesTaken,
@@ -296,6 +312,7 @@ impl Warning {
             Warning::MeshLeftOut { .. } => {
                 "add a `<collision>` of boxes, cylinders, spheres or capsules around it to the link"
             }
+            Warning::FlatShape { .. } => "delete it, or give it lengths above 0",
             Warning::VisualShapesTaken => "copy shapes that matter into `<collision>` elements",
             Warning::NoMass { .. } => "add `<inertial>` with a mass above 0 to the link",
             Warning::LinksAboveBase { .. } => "put what does not move with the robot into the scene",
@@ -345,7 +362,8 @@ impl Mistake {
             Mistake::Unsupported { .. } => {
                 "use revolute, continuous, prismatic and fixed joints; several at one place make a joint of more directions"
             }
-            Mistake::FlatShape { .. } => "all lengths must be above 0",
+            Mistake::BadShape { .. } => "all lengths must be above 0",
+            Mistake::NegativeVelocity { .. } => "write a speed above 0, in rad/s or m/s",
             Mistake::NegativeMass { .. } => "a mass is above 0, or left out for a link that is only a frame",
             Mistake::BadMimic { .. } => "let it mimic a revolute, continuous or prismatic joint",
             Mistake::NotConnected { .. } => {

@@ -401,8 +401,11 @@ fn axis(joint: &urdf_rs::Joint) -> Result<Unit<Vector3<f64>>, Mistake> {
 fn variable(joint: &urdf_rs::Joint, kind: JointKind, id: JointId) -> Result<Variable, Mistake> {
     let place = || format!("joint `{}`", joint.name);
     let limit = &joint.limit;
-    if limit.velocity.is_nan() || limit.velocity < 0.0 {
-        return Err(Mistake::NotFinite { place: place(), what: "its velocity" });
+    if limit.velocity.is_nan() {
+        return Err(Mistake::NotFinite { place: place(), what: "the greatest velocity" });
+    }
+    if limit.velocity < 0.0 {
+        return Err(Mistake::NegativeVelocity { joint: joint.name.clone(), velocity: limit.velocity });
     }
     // The reader gives 0 for what is not written.
     let velocity = if limit.velocity == 0.0 { f64::INFINITY } else { limit.velocity };
@@ -471,7 +474,12 @@ fn shapes<'a>(
             }
         };
         if !shape.is_solid() {
-            return Err(Mistake::FlatShape { link: link.name.clone(), shape: name });
+            let lengths = shape.half_extents();
+            if lengths.iter().all(|length| length.is_finite() && *length >= 0.0) {
+                warnings.push(Warning::FlatShape { link: link.name.clone(), shape: name });
+                continue;
+            }
+            return Err(Mistake::BadShape { link: link.name.clone(), shape: name });
         }
         let value = shape.half_extents().max() * 2.0;
         if value > MAX_LENGTH_M {

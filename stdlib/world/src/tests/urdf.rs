@@ -263,6 +263,12 @@ fn joints_with_mistakes() {
         help: angles are in radians; is this in degrees? A joint without end is `continuous`"#]],
     );
     check_error(
+        &joint("continuous", r#"<limit velocity="-1"/>"#),
+        expect![[r#"
+            test.urdf: joint `j` has the greatest velocity -1
+            help: write a speed above 0, in rad/s or m/s"#]],
+    );
+    check_error(
         &joint("continuous", r#"<axis xyz="0 0 0"/>"#),
         expect![[r#"
         test.urdf: joint `j` moves along an axis of length 0
@@ -321,17 +327,29 @@ fn links_with_mistakes() {
     let shape = |shape: &str| {
         robot(&format!(r#"<link name="a"><collision><geometry>{shape}</geometry></collision></link>"#))
     };
-    check_error(
+    check_warnings(
         &shape(r#"<box size="1 0 1"/>"#),
         expect![[r#"
-        test.urdf: link `a` has a box without volume
+        link `a`: a box without volume is left out
+        help: delete it, or give it lengths above 0"#]],
+    );
+    check_error(
+        &shape(r#"<box size="1 -1 1"/>"#),
+        expect![[r#"
+        test.urdf: link `a` has a box of negative or endless size
+        help: all lengths must be above 0"#]],
+    );
+    check_error(
+        &shape(r#"<cylinder radius="inf" length="1"/>"#),
+        expect![[r#"
+        test.urdf: link `a` has a cylinder of negative or endless size
         help: all lengths must be above 0"#]],
     );
     check_error(
         &shape(r#"<sphere radius="-1"/>"#),
         expect![[r#"
-        test.urdf: link `a` has a sphere without volume
-        help: all lengths must be above 0"#]],
+            test.urdf: link `a` has a sphere of negative or endless size
+            help: all lengths must be above 0"#]],
     );
     check_error(
         &shape(r#"<cylinder radius="0.1" length="450"/>"#),
