@@ -706,6 +706,8 @@ impl<'p> Oracle<'p> {
             fresh: &mut self.fresh,
             output_limit: usize::MAX,
             host: &mut self.output,
+            // Programs on the oracle have no world.
+            world: &mut None,
         });
         (native.run)(&mut ctx, args)
     }
