@@ -14,7 +14,9 @@
 //! 2. No file and no pose makes it panic.
 
 pub mod parry;
+pub mod read;
 pub mod robot;
+pub mod scene;
 pub mod shape;
 
 mod random;
