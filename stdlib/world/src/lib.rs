@@ -13,11 +13,19 @@
 //!    nalgebra, for large ones are left to a kernel that is chosen by the processor.
 //! 2. No file and no pose makes it panic.
 
+pub mod belief;
+pub mod motions;
+pub mod nav;
 pub mod parry;
 pub mod read;
+pub mod read_robot;
 pub mod robot;
 pub mod scene;
+pub mod setting;
 pub mod shape;
+
+pub mod state;
+pub mod world;
 
 mod random;
 

@@ -4,9 +4,9 @@
 //! far from the world's origin: at arm's length a pose is good to a tenth of a micrometre.
 //! Parry's cylinders and capsules stand along Y, ours along Z.
 
-use nalgebra::{Isometry3, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Point3, UnitQuaternion, Vector3};
 use rapier3d::parry::math::{Pose, Rotation, Vector};
-use rapier3d::parry::query::{DefaultQueryDispatcher, QueryDispatcher};
+use rapier3d::parry::query::{DefaultQueryDispatcher, QueryDispatcher, Ray};
 use rapier3d::parry::shape::SharedShape;
 
 use crate::shape::{PosedShape, Shape};
@@ -67,6 +67,15 @@ impl Solid {
         let Some(relative) = self.relative(at, other, other_at) else { return 0.0 };
         let answer = DefaultQueryDispatcher.distance(&relative, &*self.shape, &*other.shape);
         answer.map_or(0.0, |distance| f64::from(distance.distance).max(0.0))
+    }
+
+    /// True if the straight line between two points meets the shape.
+    pub(crate) fn is_between(&self, at: &Isometry3<f64>, from: &Point3<f64>, to: &Point3<f64>) -> bool {
+        let place = at * self.pose;
+        let (from, to) = (place.inverse_transform_point(from), place.inverse_transform_point(to));
+        let point = |p: &Point3<f64>| Vector::new(p.x as f32, p.y as f32, p.z as f32);
+        let ray = Ray::new(point(&from), point(&to) - point(&from));
+        self.shape.intersects_local_ray(&ray, 1.0)
     }
 
     /// `None` if parry cannot work on it, because a number is none or does not fit into `f32`.

@@ -3,7 +3,9 @@
 mod collision;
 mod ik;
 mod kinematics;
+mod kitchen;
 mod path;
+mod text;
 mod urdf;
 
 use nalgebra::Isometry3;
