@@ -13,6 +13,7 @@
 //!    nalgebra, for large ones are left to a kernel that is chosen by the processor.
 //! 2. No file and no pose makes it panic.
 
+pub mod nav;
 pub mod parry;
 pub mod robot;
 pub mod shape;

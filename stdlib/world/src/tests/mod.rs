@@ -3,6 +3,7 @@
 mod collision;
 mod ik;
 mod kinematics;
+mod nav;
 mod path;
 mod urdf;
 
