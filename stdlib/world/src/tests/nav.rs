@@ -294,7 +294,7 @@ fn distance_is_the_same_both_ways() {
 #[test]
 fn same_answers_each_time() {
     let make = || {
-        let map = Things::random(&mut Dice::new(8)).map(plank());
+        let map = Things::random(&mut Dice::new(10)).map(plank());
         let flood = Flood::new(&map, Place::default(), Omnidirectional).expect("the middle is free");
         let way = flood.drive(&map, Place::new(-1.9, 2.2, 1.0), &Speeds::default());
         let samples: Vec<Vector2<f64>> = costmap(&map).samples(7).take(50).collect();
