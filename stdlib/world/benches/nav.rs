@@ -90,7 +90,11 @@ fn kitchen() -> Vec<Thing> {
     }
     let mut dice = Dice(3);
     for _ in 0..40 {
-        let (x, y) = if dice.unit() < 0.5 { (4.45, 3.8 * dice.unit() - 1.9) } else { (1.6 + 0.8 * dice.unit(), 1.8 * dice.unit() - 0.9) };
+        let (x, y) = if dice.unit() < 0.5 {
+            (4.45, 3.8 * dice.unit() - 1.9)
+        } else {
+            (1.6 + 0.8 * dice.unit(), 1.8 * dice.unit() - 0.9)
+        };
         add((0.08, 0.08, 0.05 + 0.2 * dice.unit()), (x, y, 1.0), 3.0 * dice.unit());
     }
     things
@@ -124,7 +128,12 @@ fn driving(wanted: &dyn Fn(&str) -> bool, things: &[Thing]) {
                 std::hint::black_box(Footprint::of_robot(&robot, &configuration, &[]));
             }
         });
-        line("footprint of the robot", us, "footprint", &format!("radii {:.2} and {:.2} m", radii.0, radii.1));
+        line(
+            "footprint of the robot",
+            us,
+            "footprint",
+            &format!("radii {:.2} and {:.2} m", radii.0, radii.1),
+        );
     }
     if wanted("map: clearance and headings") {
         let us = measure(10, || {
@@ -160,7 +169,8 @@ fn driving(wanted: &dyn Fn(&str) -> bool, things: &[Thing]) {
         line("candidate: free or not", us, "query", &format!("{free} of 1000 free"));
     }
     if wanted("candidate: distance from the robot") {
-        let free: Vec<Place> = candidates.iter().copied().filter(|place| flood.reach(&map, *place).is_ok()).collect();
+        let free: Vec<Place> =
+            candidates.iter().copied().filter(|place| flood.reach(&map, *place).is_ok()).collect();
         let us = measure(free.len(), || {
             for place in &free {
                 std::hint::black_box(flood.reach(&map, *place).is_ok());
@@ -170,7 +180,10 @@ fn driving(wanted: &dyn Fn(&str) -> bool, things: &[Thing]) {
     }
     // Beside the counter, with the island and the wall between.
     let goal = Place::new(3.75, 0.5, 0.0);
-    for (name, kind) in [("way to the counter", DriveKind::Omnidirectional), ("the same, two wheels", DriveKind::Differential)] {
+    for (name, kind) in [
+        ("way to the counter", DriveKind::Omnidirectional),
+        ("the same, two wheels", DriveKind::Differential),
+    ] {
         if wanted(name) {
             let flood = Flood::new(&map, start, kind).expect("it stands free");
             let way = flood.drive(&map, goal, &Speeds::default());
@@ -188,7 +201,10 @@ fn driving(wanted: &dyn Fn(&str) -> bool, things: &[Thing]) {
     }
     if wanted("no way: who is to blame") {
         let mut closed: Vec<Barrier> = barriers.clone();
-        let door = [PosedShape { pose: Isometry3::identity(), shape: Shape::Box { size: Vector3::new(0.05, 2.2, 2.0) } }];
+        let door = [PosedShape {
+            pose: Isometry3::identity(),
+            shape: Shape::Box { size: Vector3::new(0.05, 2.2, 2.0) },
+        }];
         closed.push(Barrier { pose: Isometry3::translation(-1.0, 0.0, 1.0), shapes: &door, fixed: false });
         let map = Map::new(room, &closed, footprint.clone(), Settings::default());
         let flood = Flood::new(&map, start, DriveKind::Omnidirectional).expect("it stands free");
@@ -203,8 +219,13 @@ fn driving(wanted: &dyn Fn(&str) -> bool, things: &[Thing]) {
     if wanted("costmap of a ring, 20 samples") {
         let centre = Vector2::new(4.4, 0.5);
         let sample = || {
-            let costs = Costmap::new(*map.grid()).range(centre, 0.4, 1.0).gaussian(centre, 0.7, 0.15).free(&map);
-            costs.samples(1).take(20).filter(|at| flood.reach(&map, Place::new(at.x, at.y, 0.0)).is_ok()).count()
+            let costs =
+                Costmap::new(*map.grid()).range(centre, 0.4, 1.0).gaussian(centre, 0.7, 0.15).free(&map);
+            costs
+                .samples(1)
+                .take(20)
+                .filter(|at| flood.reach(&map, Place::new(at.x, at.y, 0.0)).is_ok())
+                .count()
         };
         let us = measure(20, || {
             for _ in 0..20 {

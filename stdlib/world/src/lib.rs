@@ -15,6 +15,7 @@
 
 pub mod belief;
 pub mod motions;
+mod natives;
 pub mod nav;
 pub mod parry;
 pub mod read;
@@ -28,6 +29,20 @@ pub mod state;
 pub mod world;
 
 mod random;
+
+/// What `plans/world.plan` declares.
+#[must_use]
+pub fn natives() -> Vec<vm::native::Native> {
+    natives::natives()
+}
+
+/// Name and text of each module: plans see them by `(use world)`.
+pub const MODULES: &[(&str, &str)] = &[
+    ("world", include_str!("../plans/world.plan")),
+    ("robots", include_str!("../plans/robots.plan")),
+    ("scenes/tableware", include_str!("../scenes/tableware.plan")),
+    ("scenes/kitchen", include_str!("../scenes/kitchen.plan")),
+];
 
 #[cfg(test)]
 mod tests;

@@ -37,7 +37,9 @@ pub fn machine(description: &Value) -> Result<Machine, Mistake> {
             }
         },
         _ => {
-            return Err(entry.wrong("has no `urdf`", "write (urdf pr2) or (urdf ,(read-file \"robot.urdf\"))"));
+            return Err(
+                entry.wrong("has no `urdf`", "write (urdf pr2) or (urdf ,(read-file \"robot.urdf\"))")
+            );
         }
     };
     let chains = chains(&entry)?;

@@ -66,8 +66,7 @@ pub struct Reach {
 }
 
 /// Directions of steps, as columns and rows, against the clock from X: number `k` is heading `2 k`.
-const STEPS: [(isize, isize); 8] =
-    [(1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1)];
+const STEPS: [(isize, isize); 8] = [(1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1)];
 
 impl Flood {
     /// Searches the room from where the base stands.
@@ -163,7 +162,11 @@ impl Flood {
         while self.parents[at] < LINKS {
             let before = self.parents[at] as usize;
             let apart = cell(at).abs_diff(cell(before));
-            if apart == 1 || apart == width { straight += 1 } else { diagonal += 1 }
+            if apart == 1 || apart == width {
+                straight += 1
+            } else {
+                diagonal += 1
+            }
             at = before;
         }
         let cells = f64::from(straight) + f64::from(diagonal) * std::f64::consts::SQRT_2;
@@ -272,7 +275,8 @@ impl Flood {
         }
         // From the reached side towards the goal.
         let way: Vec<usize> =
-            std::iter::successors(end, |cell| Some(parents[*cell]).filter(|parent| *parent != usize::MAX)).collect();
+            std::iter::successors(end, |cell| Some(parents[*cell]).filter(|parent| *parent != usize::MAX))
+                .collect();
         let place = |at: usize| {
             let (centre, ahead) = (grid.centre(way[at]), grid.centre(way[(at + 4).min(way.len() - 1)]));
             let towards = if way.len() > at + 1 { ahead - centre } else { goal.point() - centre };
@@ -375,7 +379,9 @@ fn link_cell(map: &Map, place: Place, drive: DriveKind, cell: usize, found: &mut
             }
             for direction in [over, -over] {
                 let yaw = libm::atan2(direction.y, direction.x);
-                if map.turn(via, place.yaw, yaw).is_ok() && map.line_blocker((via, centre), yaw, false).is_none() {
+                if map.turn(via, place.yaw, yaw).is_ok()
+                    && map.line_blocker((via, centre), yaw, false).is_none()
+                {
                     link_arcs(map, cell, yaw, (Some(via), length_m), found);
                     return;
                 }

@@ -123,8 +123,7 @@ impl Map {
     #[must_use]
     pub fn new(room: Room, barriers: &[Barrier], footprint: Footprint, settings: Settings) -> Map {
         let grid = Grid::over(room.low, room.high, settings.cell_m);
-        let wide =
-            footprint.bands.iter().map(|band| widened(&band.outline, settings.margin_m)).collect();
+        let wide = footprint.bands.iter().map(|band| widened(&band.outline, settings.margin_m)).collect();
         let mut blocks = Vec::new();
         for (place, barrier) in barriers.iter().enumerate() {
             for posed in barrier.shapes {
@@ -283,7 +282,8 @@ impl Map {
     /// What touches the base, with the margin, at a place; asked among movable things only first.
     pub(super) fn near_blocker(&self, place: &Place) -> Option<Blocker> {
         let turn = libm::sincos(place.yaw);
-        let outlines: Vec<Polygon> = self.wide.iter().map(|outline| outline.moved(turn, place.point())).collect();
+        let outlines: Vec<Polygon> =
+            self.wide.iter().map(|outline| outline.moved(turn, place.point())).collect();
         let movable = self.blocker_of(&outlines, |block| !block.fixed).filter(|by| *by != Blocker::Bounds);
         movable.or_else(|| self.blocker_of(&outlines, |_| true))
     }
@@ -479,4 +479,3 @@ fn swing(outline: &Polygon, from_rad: f64, by_rad: f64) -> Option<Polygon> {
     }
     Polygon::around(&points)
 }
-
