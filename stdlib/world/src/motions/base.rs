@@ -6,7 +6,7 @@ use std::sync::Arc;
 use nalgebra::{Isometry3, Vector2};
 
 use crate::nav::{Barrier, Flood, Footprint, Map, NoWay, Place, Room, Settings};
-use crate::scene::ContainerId;
+use crate::scene::{ContainerId, SurfaceId};
 use crate::shape::PosedShape;
 use crate::state::{Grip, State, Support};
 
@@ -82,21 +82,40 @@ fn room(barriers: &[Barrier<'_>]) -> Room {
     Room { low: low.add_scalar(-AROUND_M), high: high.add_scalar(AROUND_M) }
 }
 
+/// The outlines of the robot with what it carries, cut above the worktops that stand around: an arm above one
+/// must not count as an arm in it.
 fn footprint(state: &State) -> Footprint {
     let Some(machine) = state.machine() else { return Footprint::new(&[], &[]) };
     let scene = &state.setting.scene;
     let links = state.links();
-    let mut carried = Vec::new();
-    for object in state.objects.keys() {
-        let Support::Hand(arm) = state.ground_of(*object) else { continue };
-        let link = machine.limbs.arms[arm].chain.tip();
-        let in_link =
-            links.get(link.index()).copied().unwrap_or_default().inverse() * state.object_pose(*object);
-        let shapes = &scene.kind_of(*object).shapes;
-        carried
-            .extend(shapes.iter().map(|it| (link, PosedShape { pose: in_link * it.pose, shape: it.shape })));
+    let into_root = state.base.inverse();
+    let mut shapes = Vec::new();
+    for (link, pose) in machine.robot.links().iter().zip(&links) {
+        shapes.extend(
+            link.shapes.iter().map(|it| PosedShape { pose: into_root * pose * it.pose, shape: it.shape }),
+        );
     }
-    Footprint::of_robot(&machine.robot, &state.joints, &carried)
+    for object in state.objects.keys().filter(|it| matches!(state.ground_of(**it), Support::Hand(_))) {
+        let pose = into_root * state.object_pose(*object);
+        let kind = scene.kind_of(*object);
+        shapes.extend(kind.shapes.iter().map(|it| PosedShape { pose: pose * it.pose, shape: it.shape }));
+    }
+    Footprint::new(&shapes, &cuts(state))
+}
+
+/// Heights at which outlines are cut: above bases, and a little above each open worktop.
+fn cuts(state: &State) -> Vec<f64> {
+    const ABOVE_BASES_M: f64 = 0.4;
+    const ABOVE_M: f64 = 0.005;
+    const MOST: usize = 3;
+    let surfaces = state.setting.scene.surfaces.iter().enumerate().filter(|(_, it)| it.inside.is_none());
+    let heights = surfaces.map(|(number, _)| state.surface_pose(SurfaceId(number)).translation.z + ABOVE_M);
+    let mut cuts: Vec<f64> = heights.filter(|height| *height > ABOVE_BASES_M + 0.1).collect();
+    cuts.sort_by(f64::total_cmp);
+    cuts.dedup_by(|a, b| (*a - *b).abs() < 0.03);
+    cuts.truncate(MOST);
+    cuts.insert(0, ABOVE_BASES_M);
+    cuts
 }
 
 /// The base to the first of the `goals` that is reached; they are asked in their order.

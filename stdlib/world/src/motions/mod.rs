@@ -27,6 +27,7 @@ use nalgebra::Isometry3;
 use crate::belief::Sight;
 use crate::random::unit;
 use crate::robot::collision::{Carried, Obstacles, Scratch, Touch};
+use crate::robot::model::Variable;
 use crate::scene::{ContainerId, ObjectId};
 use crate::setting::Machine;
 use crate::state::State;
@@ -249,11 +250,11 @@ pub(crate) fn machine(state: &State) -> Result<&Machine, Trouble> {
 
 /// Seconds for a motion of joints from one configuration to another.
 pub(crate) fn joint_time_s(machine: &Machine, from: &[f64], to: &[f64]) -> f64 {
-    let speeds =
-        machine.robot.variables().iter().map(|it| it.velocity.min(MODEL.joint_limit) * MODEL.joint_share);
-    from.iter()
-        .zip(to)
-        .zip(speeds)
-        .map(|((from, to), speed)| (to - from).abs() / speed.max(1e-3))
-        .fold(0.0, f64::max)
+    let speed = |variable: &Variable| {
+        let turns = machine.robot.joints()[variable.joint.0].kind.turns();
+        let share = if turns { MODEL.joint_share } else { 1.0 };
+        (variable.velocity.min(MODEL.joint_limit) * share).max(1e-3)
+    };
+    let times = from.iter().zip(to).zip(machine.robot.variables());
+    times.map(|((from, to), variable)| (to - from).abs() / speed(variable)).fold(0.0, f64::max)
 }

@@ -12,7 +12,8 @@ pub struct Model {
     // ---- speeds
     /// Of the base.
     pub drive: Speeds,
-    /// Share of the greatest speed of a joint that is used.
+    /// Share of the greatest speed of a joint that turns; those that slide, as torsos do, are slow anyway and use
+    /// all of it.
     pub joint_share: f64,
     /// Greatest speed of joints whose file names none, rad/s or m/s.
     pub joint_limit: f64,

@@ -23,7 +23,7 @@ const MAX_STEPS: usize = 480;
 const REST_STEPS: usize = 8;
 /// What counts as rest, m/s and rad/s.
 const REST: f32 = 0.005;
-/// What is farther away than this takes no part.
+/// What is farther to the side than this, or farther above, takes no part.
 const NEAR_M: f64 = 0.4;
 /// A tilt below this is none.
 const LEVEL_RAD: f64 = 0.05;
@@ -62,7 +62,10 @@ fn simulate(state: &State, load: &[ObjectId], origin: &Vector3<f64>) -> Vec<Isom
     let scene = &state.setting.scene;
     let near = |pose: &Isometry3<f64>, shape: &PosedShape| {
         let (low, high) = PosedShape { pose: pose * shape.pose, shape: shape.shape }.bounds();
-        (0..3).all(|axis| low[axis] <= origin[axis] + NEAR_M && high[axis] >= origin[axis] - NEAR_M)
+        let beside =
+            (0..2).all(|axis| low[axis] <= origin[axis] + NEAR_M && high[axis] >= origin[axis] - NEAR_M);
+        // However deep it falls, something is below.
+        beside && low.z <= origin.z + NEAR_M
     };
     let mut stand = |pose: Isometry3<f64>, shapes: &[PosedShape], friction: f64| {
         for shape in shapes.iter().filter(|shape| near(&pose, shape)) {
