@@ -126,6 +126,20 @@ impl Entry {
         Mistake::new(&self.path, problem, help)
     }
 
+    /// The mistake that a property is not there; perhaps it is, misspelled.
+    #[must_use]
+    pub fn missing(&self, key: &str, help: impl Into<String>) -> Mistake {
+        let asked = self.asked.borrow();
+        let others =
+            self.properties.iter().map(|(name, _)| name.as_str()).filter(|name| !asked.contains(*name));
+        match nearest(key, others.collect::<Vec<_>>().into_iter()) {
+            Some(meant) => {
+                self.wrong(format!("has no `{key}`"), format!("probably `{meant}` is it; {}", help.into()))
+            }
+            None => self.wrong(format!("has no `{key}`"), help),
+        }
+    }
+
     /// What follows a key; `None` if it is not there.
     ///
     /// # Errors
@@ -174,8 +188,7 @@ impl Entry {
     /// # Errors
     /// If it is not, or no symbol.
     pub fn needed_name(&self, key: &str) -> Result<String, Mistake> {
-        self.name(key)?
-            .ok_or_else(|| self.wrong(format!("has no `{key}`"), format!("write ({key} some_name)")))
+        self.name(key)?.ok_or_else(|| self.missing(key, format!("write ({key} some_name)")))
     }
 
     /// All words of a property that is a list of names.
@@ -227,8 +240,7 @@ impl Entry {
     /// If it is none, or not above 0.
     pub fn positive(&self, key: &str, otherwise: Option<f64>) -> Result<f64, Mistake> {
         let given = self.numbers(key, 1, 1)?.map(|it| it[0]).or(otherwise);
-        let number =
-            given.ok_or_else(|| self.wrong(format!("has no `{key}`"), format!("write ({key} 0.5)")))?;
+        let number = given.ok_or_else(|| self.missing(key, format!("write ({key} 0.5)")))?;
         match number > 0.0 {
             true => Ok(number),
             false => Err(self.wrong(format!("`{key}` is not above 0"), format!("write ({key} 0.5)"))),
@@ -251,7 +263,7 @@ impl Entry {
         let example = ["0.6", "0.4", "0.2"][..count.min(3)].join(" ");
         let help = format!("write ({key} {example}), in metres");
         let given = self.numbers(key, count, count)?;
-        let size = given.ok_or_else(|| self.wrong(format!("has no `{key}`"), help.clone()))?;
+        let size = given.ok_or_else(|| self.missing(key, help.clone()))?;
         match size.iter().all(|edge| *edge > 0.0) {
             true => Ok(size),
             false => Err(self.wrong(format!("an edge in `{key}` is not above 0"), help)),

@@ -37,9 +37,7 @@ pub fn machine(description: &Value) -> Result<Machine, Mistake> {
             }
         },
         _ => {
-            return Err(
-                entry.wrong("has no `urdf`", "write (urdf pr2) or (urdf ,(read-file \"robot.urdf\"))")
-            );
+            return Err(entry.missing("urdf", "write (urdf pr2) or (urdf ,(read-file \"robot.urdf\"))"));
         }
     };
     let chains = chains(&entry)?;
@@ -120,6 +118,5 @@ fn word(entry: &Entry, key: &str) -> Result<Option<String>, Mistake> {
 }
 
 fn needed(entry: &Entry, key: &str) -> Result<String, Mistake> {
-    word(entry, key)?
-        .ok_or_else(|| entry.wrong(format!("has no `{key}`"), format!("write ({key} a_name_of_the_file)")))
+    word(entry, key)?.ok_or_else(|| entry.missing(key, format!("write ({key} a_name_of_the_file)")))
 }

@@ -16,7 +16,7 @@ use super::joints::track_of;
 use super::{Costs, Draws, MODEL, Outcome, Part, Surroundings, Trouble, joint_time_s, machine};
 
 /// Steps of the joint, radians and metres.
-const STEP_RAD: f64 = 0.05;
+const STEP_RAD: f64 = 0.025;
 const STEP_M: f64 = 0.02;
 /// Shares of a door's turn that the hand turns with it, tried in this order.
 const SHARES: [f64; 5] = [1.0, 0.75, 0.5, 0.25, 0.0];

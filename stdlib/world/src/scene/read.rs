@@ -94,7 +94,7 @@ impl Scene {
     fn add_room(&mut self, entry: &Entry) -> Result<(), Mistake> {
         let corner = |key: &str| {
             let given = entry.numbers(key, 2, 2)?;
-            given.ok_or_else(|| entry.wrong(format!("has no `{key}`"), format!("write ({key} 0 0)")))
+            given.ok_or_else(|| entry.missing(key, format!("write ({key} 0 0)")))
         };
         let (from, to) = (corner("from")?, corner("to")?);
         let (height, thickness) =
@@ -122,8 +122,7 @@ impl Scene {
     fn add_wall(&mut self, entry: &Entry) -> Result<(), Mistake> {
         let end = |key: &str| {
             let given = entry.numbers(key, 2, 2)?;
-            let given =
-                given.ok_or_else(|| entry.wrong(format!("has no `{key}`"), format!("write ({key} 0 0)")))?;
+            let given = given.ok_or_else(|| entry.missing(key, format!("write ({key} 0 0)")))?;
             Ok([given[0], given[1]])
         };
         let (from, to) = (end("from")?, end("to")?);
@@ -141,8 +140,7 @@ impl Scene {
         let name = entry.needed_name("name")?;
         self.is_new(entry, "fixture", &name, |scene| scene.fixtures.iter().any(|it| it.name == name))?;
         let at = entry.numbers("at", 2, 3)?;
-        let at =
-            at.ok_or_else(|| entry.wrong("has no `at`", "write (at 1.5 2 0): x, y and the turn about Z"))?;
+        let at = at.ok_or_else(|| entry.missing("at", "write (at 1.5 2 0): x, y and the turn about Z"))?;
         let pose = upright(Vector3::new(at[0], at[1], 0.0), at.get(2).copied().unwrap_or(0.0));
         let owner = FixtureId(self.fixtures.len());
         self.fixtures.push(Fixture { name, pose, shapes: shapes(entry)? });
@@ -206,8 +204,7 @@ impl Scene {
         };
         let joint = if turns {
             let at = entry.vector("hinge")?;
-            let at =
-                at.ok_or_else(|| entry.wrong("has no `hinge`", "write (hinge x y z), a point of its axis"))?;
+            let at = at.ok_or_else(|| entry.missing("hinge", "write (hinge x y z), a point of its axis"))?;
             Hinge::Turn { at, axis: direction("axis", Vector3::z())? }
         } else {
             Hinge::Slide { along: direction("slide", Vector3::x())? }
@@ -286,7 +283,7 @@ fn wall(name: String, from: [f64; 2], to: [f64; 2], height: f64, thickness: f64)
 /// `at x y z [yaw]`.
 fn placed(entry: &Entry) -> Result<Isometry3<f64>, Mistake> {
     let at = entry.numbers("at", 3, 4)?;
-    let at = at.ok_or_else(|| entry.wrong("has no `at`", "write (at 0 0 0.86): x, y, z of its middle"))?;
+    let at = at.ok_or_else(|| entry.missing("at", "write (at 0 0 0.86): x, y, z of its middle"))?;
     Ok(upright(Vector3::new(at[0], at[1], at[2]), at.get(3).copied().unwrap_or(0.0)))
 }
 
