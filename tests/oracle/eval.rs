@@ -695,6 +695,8 @@ impl<'p> Oracle<'p> {
             let fields = vec![("message", Value::str(message)), ("effect", Value::symbol(effect))];
             return Err(Box::new(Failure::with(Builtin::NotAllowed, fields)));
         }
+        // Programs with a world are not compared.
+        let mut no_world = None;
         let mut ctx = Ctx::new(CtxParts {
             program,
             tree: &self.run.tree.mirror,
@@ -706,8 +708,7 @@ impl<'p> Oracle<'p> {
             fresh: &mut self.fresh,
             output_limit: usize::MAX,
             host: &mut self.output,
-            // Programs on the oracle have no world.
-            world: &mut None,
+            world: &mut no_world,
         });
         (native.run)(&mut ctx, args)
     }

@@ -99,6 +99,9 @@ fn tcp(
     draws: &mut Draws,
 ) -> Result<Outcome, Trouble> {
     let machine = machine(state)?;
+    if ways.is_empty() {
+        return Err(Trouble::new("no-such-arm", "no arm is named"));
+    }
     for way in ways {
         if !closed || state.held(way.arm).is_none() {
             is_free_to_move(state, way.arm)?;

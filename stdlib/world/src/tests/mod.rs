@@ -4,6 +4,7 @@ mod collision;
 mod ik;
 mod kinematics;
 mod kitchen;
+mod motions;
 mod nav;
 mod path;
 mod text;
