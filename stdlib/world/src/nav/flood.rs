@@ -205,18 +205,19 @@ impl Flood {
                 let factor = u32::from(map.factors[cell]);
                 for step in 0..8 {
                     let next_cell = (cell as isize + offsets[step]) as usize;
-                    let mut headings = arc & allowed[step] & nodes.free[next_cell];
-                    if step % 2 == 1 {
-                        let beside = |turn: usize| (cell as isize + offsets[(step + turn) % 8]) as usize;
-                        headings &= nodes.free[beside(1)] & nodes.free[beside(7)];
-                    }
-                    if headings == 0 {
-                        continue;
-                    }
-                    let length = if step % 2 == 1 { DIAGONAL } else { STRAIGHT };
+                    let diagonal = step % 2 == 1;
+                    let length = if diagonal { DIAGONAL } else { STRAIGHT };
                     let next_cost = cost + length * (factor + u32::from(map.factors[next_cell]));
                     for next in nodes.of_cell(next_cell) {
-                        if nodes.arcs[next] & headings != 0 && next_cost < self.costs[next] {
+                        if next_cost >= self.costs[next] {
+                            continue;
+                        }
+                        let mut headings = arc & nodes.arcs[next] & allowed[step];
+                        if diagonal {
+                            let beside = |turn: usize| (cell as isize + offsets[(step + turn) % 8]) as usize;
+                            headings &= nodes.free[beside(1)] & nodes.free[beside(7)];
+                        }
+                        if headings != 0 {
                             self.costs[next] = next_cost;
                             self.parents[next] = node as u32;
                             buckets[(next_cost / BUCKET) as usize % ring].push(next as u32);
@@ -225,7 +226,7 @@ impl Flood {
                     }
                 }
             }
-            level += 1;
+        level += 1;
         }
     }
 

@@ -10,7 +10,7 @@ use crate::robot::collision::SLACK_M;
 use crate::robot::{LinkId, Robot};
 use crate::shape::PosedShape;
 
-use super::convex::{Polygon, heights, shadow_points};
+use super::convex::{Polygon, ROUNDING_M, heights, shadow_points};
 
 /// Heights at which shapes are cut, metres: above bases and drawers at the floor, above worktops.
 pub const CUTS_M: [f64; 2] = [0.4, 1.0];
@@ -111,6 +111,6 @@ impl Band {
                 shadow_points(posed, &mut points);
             }
         }
-        Polygon::around(&points).map(|outline| Band { outline, low, high })
+        Polygon::around(&points).map(|outline| Band { outline: outline.simpler(ROUNDING_M), low, high })
     }
 }

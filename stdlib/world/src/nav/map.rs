@@ -195,7 +195,7 @@ impl Map {
         }
         let turn = libm::sincos(place.yaw);
         let outlines = self.footprint.bands.iter().map(|band| band.outline.moved(turn, place.point()));
-        self.blocker_of(&outlines.collect::<Vec<_>>(), |_| true)
+        self.blocker_of(&outlines.collect::<Vec<_>>(), self.blocks.iter())
     }
 
     // -----------------------------------------------------------------------------------------
@@ -218,14 +218,10 @@ impl Map {
         if self.is_roomy((from, to), margin) {
             return None;
         }
-        let (sin, cos) = libm::sincos(yaw_rad);
-        let swept = |outline: &Polygon| {
-            let corners = outline.corners().iter().map(|corner| turned(corner, sin, cos));
-            let both: Vec<Vector2<f64>> = corners.flat_map(|corner| [corner + from, corner + to]).collect();
-            Polygon::around(&both)
-        };
-        let outlines: Option<Vec<Polygon>> = self.outlines(with_margin).map(swept).collect();
-        outlines.map_or(Some(Blocker::Bounds), |outlines| self.blocker_of(&outlines, |_| true))
+        let turn = libm::sincos(yaw_rad);
+        let swept = |outline: &Polygon| outline.moved(turn, from).along(to - from);
+        let outlines: Vec<Polygon> = self.outlines(with_margin).map(swept).collect();
+        self.blocker_of(&outlines, self.blocks.iter())
     }
 
     /// True if the circumscribed circle is free all along a line.
@@ -254,6 +250,14 @@ impl Map {
         if self.clearance_at(&at) >= self.footprint.circumscribed_m() {
             return None;
         }
+        let reach = self.footprint.circumscribed_m();
+        let near: Vec<&Block> = self.blocks.iter().filter(|block| block.is_near(&at, reach)).collect();
+        let room_around = (0..2).all(|axis| {
+            at[axis] - reach >= self.room.low[axis] && at[axis] + reach <= self.room.high[axis]
+        });
+        if near.is_empty() && room_around {
+            return None;
+        }
         let steps = libm::ceil(by_rad.abs() / TURN_STEP_RAD).clamp(1.0, 64.0);
         (0..steps as usize).find_map(|step| {
             let from = from_rad + by_rad * step as f64 / steps;
@@ -262,7 +266,7 @@ impl Map {
                 .map(|outline| swing(outline, from, by_rad / steps))
                 .map(|outline| outline.map(|outline| outline.moved((0.0, 1.0), at)))
                 .collect();
-            outlines.map_or(Some(Blocker::Bounds), |outlines| self.blocker_of(&outlines, |_| true))
+            outlines.map_or(Some(Blocker::Bounds), |outlines| self.blocker_of(&outlines, near.iter().copied()))
         })
     }
 
@@ -284,8 +288,9 @@ impl Map {
     pub(super) fn near_blocker(&self, place: &Place) -> Option<Blocker> {
         let turn = libm::sincos(place.yaw);
         let outlines: Vec<Polygon> = self.wide.iter().map(|outline| outline.moved(turn, place.point())).collect();
-        let movable = self.blocker_of(&outlines, |block| !block.fixed).filter(|by| *by != Blocker::Bounds);
-        movable.or_else(|| self.blocker_of(&outlines, |_| true))
+        let movable = self.blocks.iter().filter(|block| !block.fixed);
+        let movable = self.blocker_of(&outlines, movable).filter(|by| *by != Blocker::Bounds);
+        movable.or_else(|| self.blocker_of(&outlines, self.blocks.iter()))
     }
 
     fn outlines(&self, with_margin: bool) -> impl Iterator<Item = &Polygon> {
@@ -294,16 +299,17 @@ impl Map {
     }
 
     /// The first barrier that one of the outlines touches, each outline in its own band.
-    fn blocker_of(&self, outlines: &[Polygon], counts: impl Fn(&Block) -> bool) -> Option<Blocker> {
+    fn blocker_of<'b>(
+        &self,
+        outlines: &[Polygon],
+        mut blocks: impl Iterator<Item = &'b Block>,
+    ) -> Option<Blocker> {
         let touches = |block: &&Block| {
             let meets = |place: usize| block.bands >> place & 1 == 1;
-            counts(block)
-                && outlines
-                    .iter()
-                    .enumerate()
-                    .any(|(place, outline)| meets(place) && outline.touches(&block.outline))
+            let mut numbered = outlines.iter().enumerate();
+            numbered.any(|(place, outline)| meets(place) && outline.touches(&block.outline))
         };
-        if let Some(block) = self.blocks.iter().find(touches) {
+        if let Some(block) = blocks.find(touches) {
             return Some(Blocker::Barrier(block.barrier));
         }
         let inside = |outline: &Polygon| {
@@ -351,8 +357,10 @@ impl Map {
                 other != place && covers(larger, block) && (other < place || !covers(block, larger))
             })
         };
-        let needed: Vec<&Block> =
-            (0..counted.len()).filter(|place| needed(*place)).map(|place| counted[place]).collect();
+        let needed: Vec<(&Block, u8)> = (0..counted.len())
+            .filter(|place| needed(*place))
+            .map(|place| (counted[place], self.widest(counted[place].bands)))
+            .collect();
         let mut planes: Vec<Vec<u64>> = Vec::with_capacity(2 * HEADINGS);
         for number in 0..2 * HEADINGS {
             let from = (number % HEADINGS) as f64 * STEP_RAD;
@@ -363,20 +371,36 @@ impl Map {
     }
 
     /// Cells at which the base touches something while it turns by this angle.
-    fn plane(&self, blocks: &[&Block], from_rad: f64, by_rad: f64) -> Vec<u64> {
+    fn plane(&self, blocks: &[(&Block, u8)], from_rad: f64, by_rad: f64) -> Vec<u64> {
         let mut bits = vec![0; self.grid.words() * self.grid.height];
+        // Also where there is no outline at all, a base stays within the bounds.
+        let (mut low, mut high) = (Vector2::zeros(), Vector2::zeros());
         for (place, wide) in self.wide.iter().enumerate() {
             let Some(outline) = swing(wide, from_rad, by_rad) else { continue };
-            let (low, high) = outline.bounds();
-            self.grid.fill_outside(self.room.low - low, self.room.high - high, &mut bits);
+            low = low.inf(&outline.bounds().0);
+            high = high.sup(&outline.bounds().1);
             let mirrored = outline.mirrored();
-            for block in blocks.iter().filter(|block| block.bands >> place & 1 == 1) {
+            for (block, _) in blocks.iter().filter(|(_, bands)| bands >> place & 1 == 1) {
                 self.grid.fill(&block.outline.plus(&mirrored), &mut bits);
             }
         }
-        // Also where there is no outline at all, a base stays within the bounds.
-        self.grid.fill_outside(self.room.low, self.room.high, &mut bits);
+        self.grid.fill_outside(self.room.low - low, self.room.high - high, &mut bits);
         bits
+    }
+
+    /// Bands without those that lie within another one: what is as high as both need not be held
+    /// against both.
+    fn widest(&self, bands: u8) -> u8 {
+        let has = |place: usize| bands >> place & 1 == 1;
+        let covered = |place: usize| {
+            self.wide.iter().enumerate().any(|(other, larger)| {
+                other != place
+                    && has(other)
+                    && larger.covers(&self.wide[place])
+                    && (other < place || !self.wide[place].covers(larger))
+            })
+        };
+        (0..self.wide.len()).filter(|place| has(*place) && !covered(*place)).map(|place| 1 << place).sum()
     }
 
     fn gather(&self, planes: &[Vec<u64>]) -> Nodes {
@@ -392,17 +416,17 @@ impl Map {
                 let place = row * words + word;
                 let some = planes.iter().fold(0, |bits, plane| bits | plane[place]);
                 let every = planes[..HEADINGS].iter().fold(u64::MAX, |bits, plane| bits & plane[place]);
+                let here: [u64; 2 * HEADINGS] = std::array::from_fn(|number| planes[number][place]);
                 for bit in 0..(self.grid.width - word * 64).min(64) {
                     let cell = row * self.grid.width + word * 64 + bit;
                     let is = |bits: u64| bits >> bit & 1 == 1;
-                    let headings = |planes: &[Vec<u64>]| {
-                        let blocked = planes.iter().enumerate();
-                        blocked.map(|(number, plane)| u16::from(is(plane[place])) << number).sum::<u16>()
+                    let headings = |from: usize| {
+                        (0..HEADINGS).fold(0, |all, number| all | ((here[from + number] >> bit & 1) as u16) << number)
                     };
                     let (free, stops) = match (is(every), is(some)) {
                         (true, _) => (0, 0),
                         (_, false) => (u16::MAX, 0),
-                        _ => (!headings(&planes[..HEADINGS]), headings(&planes[HEADINGS..])),
+                        _ => (!headings(0), headings(HEADINGS)),
                     };
                     nodes.push(cell as u32, free, stops);
                 }
@@ -415,6 +439,14 @@ impl Map {
     /// Free headings of all cells if only fixed things stood around.
     pub(super) fn free_without_movable(&self) -> Vec<u16> {
         self.nodes_among(|block| block.fixed).free
+    }
+}
+
+impl Block {
+    /// False if it is certainly farther than this from a point.
+    fn is_near(&self, point: &Vector2<f64>, reach_m: f64) -> bool {
+        let (low, high) = self.outline.bounds();
+        (0..2).all(|axis| low[axis] <= point[axis] + reach_m && high[axis] >= point[axis] - reach_m)
     }
 }
 

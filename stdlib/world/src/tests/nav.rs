@@ -124,7 +124,9 @@ fn polygons_are_filled_cell_by_cell() {
             let depth = polygon.depth(&grid.centre(cell));
             // Not on an edge, where rounding decides.
             if depth.abs() > 1e-9 {
-                assert_eq!(grid.bit(&bits, cell), depth > 0.0, "{polygon:?} {cell}");
+                let (row, column) = (cell / grid.width, cell % grid.width);
+                let bit = bits[row * grid.width.div_ceil(64) + column / 64] >> (column % 64) & 1;
+                assert_eq!(bit == 1, depth > 0.0, "{polygon:?} {cell}");
             }
         }
     }
@@ -144,6 +146,36 @@ fn sums_of_polygons_decide_like_the_test_for_touch() {
         if sum.depth(&place).abs() > 1e-9 {
             assert_eq!(robot.moved((0.0, 1.0), place).touches(&obstacle), sum.contains(&place));
         }
+    }
+}
+
+#[test]
+fn sweeps_and_simpler_polygons_hold_what_they_should() {
+    let mut dice = Dice::new(11);
+    for round in 0..500 {
+        let mut point = || Vector2::new(4.0 * dice.unit() - 2.0, 4.0 * dice.unit() - 2.0);
+        let points: Vec<Vector2<f64>> = (0..9).map(|_| point()).collect();
+        let polygon = Polygon::around(&points).expect("it has an area");
+        // A sum with an own edge has several edges in one line.
+        let again = Polygon::around(&[points[0], points[1], point()]).expect("it has an area");
+        let polygon = if round % 2 == 0 { polygon.plus(&again).plus(&again) } else { polygon };
+        let way = point();
+        let edge = polygon.corners()[1] - polygon.corners()[0];
+        let way = [way, Vector2::new(way.x, 0.0), Vector2::new(0.0, way.y), edge * 0.3, -edge][round % 5];
+        let swept = polygon.along(way);
+        let ends: Vec<Vector2<f64>> =
+            polygon.corners().iter().flat_map(|corner| [*corner, corner + way]).collect();
+        let hull = Polygon::around(&ends).expect("it has an area");
+                for _ in 0..20 {
+            let at = 5.0 * point();
+            if hull.depth(&at).abs() > 1e-9 {
+                assert_eq!(swept.contains(&at), hull.contains(&at), "{polygon:?} {way:?}");
+            }
+        }
+        let simpler = polygon.simpler(0.1);
+        assert!(simpler.corners().len() <= polygon.corners().len());
+        assert!(polygon.corners().iter().all(|corner| simpler.depth(corner) > -1e-9));
+        assert!(simpler.corners().iter().all(|corner| polygon.depth(corner) > -0.1 - 1e-9));
     }
 }
 
