@@ -4,9 +4,11 @@
 //! parked arms. Each figure is the median of nine runs, CPU time of the process. What was seen:
 //! `benches/README.md` beside this file.
 
+use std::sync::Arc;
+
 use cpu_time::ProcessTime;
 use nalgebra::{Isometry3, Vector2, Vector3};
-use world::nav::{Barrier, Costmap, Flood, Footprint, Map, Place, Room, Settings, Speeds};
+use world::nav::{Barrier, Costmap, Flood, Footprint, Ground, Map, Place, Room, Settings, Speeds};
 use world::robot::chain::DriveKind;
 use world::robot::urdf::{ONE_ARM, PR2};
 use world::robot::{Chains, Robot};
@@ -62,6 +64,7 @@ impl Dice {
 struct Thing {
     pose: Isometry3<f64>,
     shapes: Vec<PosedShape>,
+    fixed: bool,
 }
 
 fn kitchen() -> Vec<Thing> {
@@ -69,7 +72,9 @@ fn kitchen() -> Vec<Thing> {
     let mut add = |size: (f64, f64, f64), at: (f64, f64, f64), yaw: f64| {
         let shape = Shape::Box { size: Vector3::new(size.0, size.1, size.2) };
         let pose = Isometry3::new(Vector3::new(at.0, at.1, at.2), Vector3::z() * yaw);
-        things.push(Thing { pose, shapes: vec![PosedShape { pose: Isometry3::identity(), shape }] });
+        // Walls, counters and the table stay; what is smaller can be put elsewhere, or closed.
+        let fixed = size.0 * size.1 > 0.3 && size.2 > 0.5 && size.0 != 0.04;
+        things.push(Thing { pose, shapes: vec![PosedShape { pose: Isometry3::identity(), shape }], fixed });
     };
     for side in [-1.0, 1.0] {
         add((0.1, 10.0, 2.5), (5.0 * side, 0.0, 1.25), 0.0);
@@ -90,14 +95,19 @@ fn kitchen() -> Vec<Thing> {
     }
     let mut dice = Dice(3);
     for _ in 0..40 {
-        let (x, y) = if dice.unit() < 0.5 { (4.45, 3.8 * dice.unit() - 1.9) } else { (1.6 + 0.8 * dice.unit(), 1.8 * dice.unit() - 0.9) };
+        let (x, y) = if dice.unit() < 0.5 {
+            (4.45, 3.8 * dice.unit() - 1.9)
+        } else {
+            (1.6 + 0.8 * dice.unit(), 1.8 * dice.unit() - 0.9)
+        };
         add((0.08, 0.08, 0.05 + 0.2 * dice.unit()), (x, y, 1.0), 3.0 * dice.unit());
     }
     things
 }
 
-fn barriers(things: &[Thing]) -> Vec<Barrier<'_>> {
-    things.iter().map(|thing| Barrier { pose: thing.pose, shapes: &thing.shapes, fixed: true }).collect()
+fn barriers(things: &[Thing], fixed: bool) -> Vec<Barrier<'_>> {
+    let chosen = things.iter().enumerate().filter(|(_, thing)| thing.fixed == fixed);
+    chosen.map(|(id, thing)| Barrier { id, pose: thing.pose, shapes: &thing.shapes }).collect()
 }
 
 // ---------------------------------------------------------------------------------------------
@@ -112,8 +122,11 @@ fn driving(wanted: &dyn Fn(&str) -> bool, things: &[Thing]) {
     }
     let footprint = Footprint::of_robot(&robot, &configuration, &[]);
     let room = Room { low: Vector2::repeat(-5.0), high: Vector2::repeat(5.0) };
-    let barriers = barriers(things);
-    let make = || Map::new(room, &barriers, footprint.clone(), Settings::default());
+    let (fixed, movable) = (barriers(things, true), barriers(things, false));
+    let make_ground =
+        |footprint: &Footprint| Ground::new(room, &fixed, footprint.clone(), Settings::default());
+    let ground = Arc::new(make_ground(&footprint));
+    let make = || Map::new(ground.clone(), &movable);
     let start = Place::new(-3.5, 3.0, 0.4);
     let map = make();
     let flood = Flood::new(&map, start, DriveKind::Omnidirectional).expect("it stands free");
@@ -124,7 +137,20 @@ fn driving(wanted: &dyn Fn(&str) -> bool, things: &[Thing]) {
                 std::hint::black_box(Footprint::of_robot(&robot, &configuration, &[]));
             }
         });
-        line("footprint of the robot", us, "footprint", &format!("radii {:.2} and {:.2} m", radii.0, radii.1));
+        line(
+            "footprint of the robot",
+            us,
+            "footprint",
+            &format!("radii {:.2} and {:.2} m", radii.0, radii.1),
+        );
+    }
+    if wanted("ground: fixed things") {
+        let us = measure(10, || {
+            for _ in 0..10 {
+                std::hint::black_box(make_ground(&footprint));
+            }
+        });
+        line("ground: fixed things", us, "ground", &format!("{} fixed things", fixed.len()));
     }
     if wanted("map: clearance and headings") {
         let us = measure(10, || {
@@ -135,7 +161,7 @@ fn driving(wanted: &dyn Fn(&str) -> bool, things: &[Thing]) {
         let cells = map.grid().len();
         let open = (0..cells).filter(|cell| map.free_headings(*cell) == u16::MAX).count();
         let tight = (0..cells).filter(|cell| !matches!(map.free_headings(*cell), 0 | u16::MAX)).count();
-        let note = format!("{} barriers, {cells} cells, {open} open, {tight} tight", barriers.len());
+        let note = format!("{} movable, {cells} cells, {open} open, {tight} tight", movable.len());
         line("map: clearance and headings", us, "map", &note);
     }
     if wanted("flood") {
@@ -160,7 +186,8 @@ fn driving(wanted: &dyn Fn(&str) -> bool, things: &[Thing]) {
         line("candidate: free or not", us, "query", &format!("{free} of 1000 free"));
     }
     if wanted("candidate: distance from the robot") {
-        let free: Vec<Place> = candidates.iter().copied().filter(|place| flood.reach(&map, *place).is_ok()).collect();
+        let free: Vec<Place> =
+            candidates.iter().copied().filter(|place| flood.reach(&map, *place).is_ok()).collect();
         let us = measure(free.len(), || {
             for place in &free {
                 std::hint::black_box(flood.reach(&map, *place).is_ok());
@@ -169,10 +196,10 @@ fn driving(wanted: &dyn Fn(&str) -> bool, things: &[Thing]) {
         line("candidate: distance from the robot", us, "query", &format!("{} reached", free.len()));
     }
     // Beside the counter, with the island and the wall between.
-    let goal = Place::new(3.7, 0.5, 0.0);
+    let goal = Place::new(3.6, 0.5, 0.0);
     let other = Robot::from_urdf("one-arm.urdf", ONE_ARM).expect("the shipped robot is read");
     let other = Footprint::of_robot(&other, &other.zero(), &[]);
-    let other = Map::new(room, &barriers, other, Settings::default());
+    let other = Map::new(Arc::new(make_ground(&other)), &movable);
     for (name, map, kind) in [
         ("way to the counter", &map, DriveKind::Omnidirectional),
         ("the same, one arm on two wheels", &other, DriveKind::Differential),
@@ -193,10 +220,13 @@ fn driving(wanted: &dyn Fn(&str) -> bool, things: &[Thing]) {
         }
     }
     if wanted("no way: who is to blame") {
-        let mut closed: Vec<Barrier> = barriers.clone();
-        let door = [PosedShape { pose: Isometry3::identity(), shape: Shape::Box { size: Vector3::new(0.05, 2.2, 2.0) } }];
-        closed.push(Barrier { pose: Isometry3::translation(-1.0, 0.0, 1.0), shapes: &door, fixed: false });
-        let map = Map::new(room, &closed, footprint.clone(), Settings::default());
+        let mut closed: Vec<Barrier> = movable.clone();
+        let door = [PosedShape {
+            pose: Isometry3::identity(),
+            shape: Shape::Box { size: Vector3::new(0.05, 2.2, 2.0) },
+        }];
+        closed.push(Barrier { id: 1000, pose: Isometry3::translation(-1.0, 0.0, 1.0), shapes: &door });
+        let map = Map::new(ground.clone(), &closed);
         let flood = Flood::new(&map, start, DriveKind::Omnidirectional).expect("it stands free");
         let answer = flood.reach(&map, goal);
         let us = measure(5, || {
@@ -209,8 +239,13 @@ fn driving(wanted: &dyn Fn(&str) -> bool, things: &[Thing]) {
     if wanted("costmap of a ring, 20 samples") {
         let centre = Vector2::new(4.4, 0.5);
         let sample = || {
-            let costs = Costmap::new(*map.grid()).range(centre, 0.4, 1.0).gaussian(centre, 0.7, 0.15).free(&map);
-            costs.samples(1).take(20).filter(|at| flood.reach(&map, Place::new(at.x, at.y, 0.0)).is_ok()).count()
+            let costs =
+                Costmap::new(*map.grid()).range(centre, 0.4, 1.0).gaussian(centre, 0.7, 0.15).free(&map);
+            costs
+                .samples(1)
+                .take(20)
+                .filter(|at| flood.reach(&map, Place::new(at.x, at.y, 0.0)).is_ok())
+                .count()
         };
         let us = measure(20, || {
             for _ in 0..20 {

@@ -169,7 +169,9 @@ impl Polygon {
     /// The polygon turned by the angle of this sine and cosine, then moved.
     #[must_use]
     pub fn moved(&self, (sin, cos): (f64, f64), by: Vector2<f64>) -> Polygon {
-        Polygon::of_corners(lowest_first(self.corners.iter().map(|corner| turned(corner, sin, cos) + by).collect()))
+        Polygon::of_corners(lowest_first(
+            self.corners.iter().map(|corner| turned(corner, sin, cos) + by).collect(),
+        ))
     }
 
     /// True if the two overlap or touch.
@@ -181,7 +183,8 @@ impl Polygon {
 
     /// True if all of `other` lies beyond one edge.
     fn has_edge_beside(&self, other: &Polygon) -> bool {
-        self.edges().any(|(from, to)| other.corners.iter().all(|corner| (to - from).perp(&(corner - from)) < 0.0))
+        self.edges()
+            .any(|(from, to)| other.corners.iter().all(|corner| (to - from).perp(&(corner - from)) < 0.0))
     }
 
     /// True if all of `other` is in this polygon.

@@ -114,8 +114,9 @@ impl Costmap {
         // An exponential variable with the weight as its rate: the least one comes first.
         let key = |cell: usize, weight: f64| -libm::log(1.0 - unit(seed, cell as u64)) / weight;
         let keys = self.weights.iter().enumerate().filter(|(_, weight)| **weight > 0.0);
-        let keys: Vec<_> =
-            keys.map(|(cell, weight)| Reverse((key(cell, f64::from(*weight)).to_bits(), cell as u32))).collect();
+        let keys: Vec<_> = keys
+            .map(|(cell, weight)| Reverse((key(cell, f64::from(*weight)).to_bits(), cell as u32)))
+            .collect();
         Samples { grid: self.grid, rest: BinaryHeap::from(keys) }
     }
 

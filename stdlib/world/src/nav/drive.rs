@@ -99,7 +99,7 @@ impl Flood {
         let mut points = vec![bare(self.start.point())];
         points.extend(first.via.map(bare));
         points.extend(nodes.iter().map(|node| Point {
-            at: map.grid().centre(map.nodes.cells[*node] as usize),
+            at: map.grid().centre(map.nodes.cell(*node)),
             arc: map.nodes.arcs[*node],
             is_cell: true,
             cost: 0.0,
@@ -137,7 +137,8 @@ impl Puller<'_> {
             let point = self.points[at].at;
             places.push(Place::new(point.x, point.y, yaw));
         }
-        let turn = self.map.turn(self.goal.point(), yaw, self.goal.yaw).map_err(|by| blocked(by, self.goal))?;
+        let turn =
+            self.map.turn(self.goal.point(), yaw, self.goal.yaw).map_err(|by| blocked(by, self.goal))?;
         push_turn(&mut places, turn);
         Ok(Drive::new(places))
     }
@@ -149,10 +150,13 @@ impl Puller<'_> {
         if let Ok(turn) = self.leg(at, yaw, last) {
             return Ok((last, turn));
         }
-        let mut best = (at + 1, self.leg(at, yaw, at + 1).map_err(|by| {
-            let point = self.points[at].at;
-            blocked(by, Place::new(point.x, point.y, yaw))
-        })?);
+        let mut best = (
+            at + 1,
+            self.leg(at, yaw, at + 1).map_err(|by| {
+                let point = self.points[at].at;
+                blocked(by, Place::new(point.x, point.y, yaw))
+            })?,
+        );
         let mut step = 1;
         while best.0 + step < last {
             match self.leg(at, yaw, best.0 + step) {

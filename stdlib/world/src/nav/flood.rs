@@ -66,8 +66,7 @@ pub struct Reach {
 }
 
 /// Directions of steps, as columns and rows, against the clock from X: number `k` is heading `2 k`.
-const STEPS: [(isize, isize); 8] =
-    [(1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1)];
+const STEPS: [(isize, isize); 8] = [(1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1)];
 
 impl Flood {
     /// Searches the room from where the base stands.
@@ -136,7 +135,7 @@ impl Flood {
     #[must_use]
     pub fn nearest(&self, map: &Map, point: Vector2<f64>) -> Option<Vector2<f64>> {
         let reached = (0..map.nodes.arcs.len()).filter(|node| self.is_reached(*node));
-        let centres = reached.map(|node| map.grid().centre(map.nodes.cells[node] as usize));
+        let centres = reached.map(|node| map.grid().centre(map.nodes.cell(node)));
         centres.min_by(|a, b| (a - point).norm_squared().total_cmp(&(b - point).norm_squared()))
     }
 
@@ -157,13 +156,17 @@ impl Flood {
     }
 
     fn length_m(&self, map: &Map, node: usize) -> f64 {
-        let cell = |node: usize| map.nodes.cells[node] as usize;
+        let cell = |node: usize| map.nodes.cell(node);
         let width = map.grid().width;
         let (mut straight, mut diagonal, mut at) = (0_u32, 0_u32, node);
         while self.parents[at] < LINKS {
             let before = self.parents[at] as usize;
             let apart = cell(at).abs_diff(cell(before));
-            if apart == 1 || apart == width { straight += 1 } else { diagonal += 1 }
+            if apart == 1 || apart == width {
+                straight += 1
+            } else {
+                diagonal += 1
+            }
             at = before;
         }
         let cells = f64::from(straight) + f64::from(diagonal) * std::f64::consts::SQRT_2;
@@ -200,7 +203,7 @@ impl Flood {
                 if (cost / BUCKET) as usize != level {
                     continue;
                 }
-                let cell = nodes.cells[node] as usize;
+                let cell = nodes.cell(node);
                 let arc = nodes.arcs[node];
                 let factor = u32::from(map.factors[cell]);
                 for step in 0..8 {
@@ -226,7 +229,7 @@ impl Flood {
                     }
                 }
             }
-        level += 1;
+            level += 1;
         }
     }
 
@@ -273,7 +276,8 @@ impl Flood {
         }
         // From the reached side towards the goal.
         let way: Vec<usize> =
-            std::iter::successors(end, |cell| Some(parents[*cell]).filter(|parent| *parent != usize::MAX)).collect();
+            std::iter::successors(end, |cell| Some(parents[*cell]).filter(|parent| *parent != usize::MAX))
+                .collect();
         let place = |at: usize| {
             let (centre, ahead) = (grid.centre(way[at]), grid.centre(way[(at + 4).min(way.len() - 1)]));
             let towards = if way.len() > at + 1 { ahead - centre } else { goal.point() - centre };
@@ -306,7 +310,7 @@ fn allowed(drive: DriveKind, step: usize) -> u16 {
 }
 
 fn link_cost(map: &Map, link: &Link) -> u32 {
-    let factor = f64::from(map.factors[map.nodes.cells[link.node] as usize]) / f64::from(LEAST_FACTOR);
+    let factor = f64::from(map.factors[map.nodes.cell(link.node)]) / f64::from(LEAST_FACTOR);
     (link.length_m / map.grid().cell_m * factor * f64::from(BUCKET)) as u32
 }
 
@@ -350,7 +354,7 @@ fn ring_cells(row: isize, column: isize, ring: isize) -> impl Iterator<Item = (i
 }
 
 fn link_cell(map: &Map, place: Place, drive: DriveKind, cell: usize, found: &mut Vec<Link>) {
-    if map.nodes.of_cell(cell).is_empty() {
+    if map.free_headings(cell) == 0 {
         return;
     }
     let (point, centre) = (place.point(), map.grid().centre(cell));
@@ -376,7 +380,9 @@ fn link_cell(map: &Map, place: Place, drive: DriveKind, cell: usize, found: &mut
             }
             for direction in [over, -over] {
                 let yaw = libm::atan2(direction.y, direction.x);
-                if map.turn(via, place.yaw, yaw).is_ok() && map.line_blocker((via, centre), yaw, false).is_none() {
+                if map.turn(via, place.yaw, yaw).is_ok()
+                    && map.line_blocker((via, centre), yaw, false).is_none()
+                {
                     link_arcs(map, cell, yaw, (Some(via), length_m), found);
                     return;
                 }
@@ -395,7 +401,7 @@ fn link_arcs(
     found: &mut Vec<Link>,
 ) {
     for heading in headings_beside(yaw) {
-        let arc = map.nodes.of_cell(cell).find(|node| map.nodes.arcs[*node] >> heading & 1 == 1);
+        let arc = map.nodes.of_cell(cell).find(|node: &usize| map.nodes.arcs[*node] >> heading & 1 == 1);
         let Some(node) = arc.filter(|node| found.iter().all(|link| link.node != *node)) else { continue };
         let by = super::turn_between(yaw, f64::from(heading) * STEP_RAD);
         if map.turn_blocker(map.grid().centre(cell), yaw, by).is_none() {

@@ -1,12 +1,14 @@
 //! Driving against brute force: distances cell by cell, ways step by step.
 
+use std::sync::Arc;
+
 use nalgebra::{Isometry3, Vector2, Vector3};
 
 use super::{Dice, one_arm, pr2};
 use crate::nav::convex::Polygon;
 use crate::nav::{
-    Barrier, Blocker, Costmap, Drive, Flood, Footprint, Grid, Map, NoWay, Place, Room, Settings, Speeds,
-    normal_angle,
+    Barrier, Blocker, Costmap, Drive, Flood, Footprint, Grid, Ground, Map, NoWay, Place, Room, Settings,
+    Speeds, normal_angle,
 };
 use crate::robot::chain::DriveKind;
 use crate::shape::{PosedShape, Shape};
@@ -14,7 +16,10 @@ use crate::shape::{PosedShape, Shape};
 use DriveKind::{Differential, Omnidirectional};
 
 fn block(size: (f64, f64, f64)) -> PosedShape {
-    PosedShape { pose: Isometry3::identity(), shape: Shape::Box { size: Vector3::new(size.0, size.1, size.2) } }
+    PosedShape {
+        pose: Isometry3::identity(),
+        shape: Shape::Box { size: Vector3::new(size.0, size.1, size.2) },
+    }
 }
 
 fn at(x: f64, y: f64, z: f64) -> Isometry3<f64> {
@@ -31,9 +36,12 @@ impl Things {
     }
 
     fn map(&self, footprint: Footprint) -> Map {
-        let barriers: Vec<Barrier> =
-            self.0.iter().map(|(pose, shapes, fixed)| Barrier { pose: *pose, shapes, fixed: *fixed }).collect();
-        Map::new(room(), &barriers, footprint, Settings::default())
+        let barriers = |fixed: bool| -> Vec<Barrier> {
+            let numbered = self.0.iter().enumerate().filter(|(_, thing)| thing.2 == fixed);
+            numbered.map(|(id, (pose, shapes, _))| Barrier { id, pose: *pose, shapes }).collect()
+        };
+        let ground = Ground::new(room(), &barriers(true), footprint, Settings::default());
+        Map::new(Arc::new(ground), &barriers(false))
     }
 
     /// Walls and some boxes, none at the middle.
@@ -43,7 +51,8 @@ impl Things {
             let size = (0.1 + dice.unit(), 0.1 + 1.5 * dice.unit(), 0.1 + dice.unit());
             let (x, y) = (4.0 * dice.unit() - 2.0, 4.0 * dice.unit() - 2.0);
             if x.hypot(y) > 0.8 {
-                let pose = Isometry3::new(Vector3::new(x, y, size.2 * 0.5), Vector3::z() * (6.0 * dice.unit()));
+                let pose =
+                    Isometry3::new(Vector3::new(x, y, size.2 * 0.5), Vector3::z() * (6.0 * dice.unit()));
                 things.add(pose, size, dice.unit() < 0.5);
             }
         }
@@ -166,7 +175,7 @@ fn sweeps_and_simpler_polygons_hold_what_they_should() {
         let ends: Vec<Vector2<f64>> =
             polygon.corners().iter().flat_map(|corner| [*corner, corner + way]).collect();
         let hull = Polygon::around(&ends).expect("it has an area");
-                for _ in 0..20 {
+        for _ in 0..20 {
             let at = 5.0 * point();
             if hull.depth(&at).abs() > 1e-9 {
                 assert_eq!(swept.contains(&at), hull.contains(&at), "{polygon:?} {way:?}");
@@ -234,15 +243,19 @@ fn ways_touch_nothing_and_end_where_they_should() {
         Footprint::of_robot(&robot, &robot.zero(), &[])
     };
     let (mut driven, mut refused) = (0, 0);
-    for (footprint, drive) in
-        [(footprint(), Omnidirectional), (plank(), Omnidirectional), (round, Differential), (plank(), Differential)]
-    {
+    for (footprint, drive) in [
+        (footprint(), Omnidirectional),
+        (plank(), Omnidirectional),
+        (round, Differential),
+        (plank(), Differential),
+    ] {
         for _ in 0..12 {
             let map = Things::random(&mut dice).map(footprint.clone());
             let start = Place::new(0.0, 0.0, 6.0 * dice.unit());
             let Ok(flood) = Flood::new(&map, start, drive) else { continue };
             for _ in 0..30 {
-                let goal = Place::new(6.0 * dice.unit() - 3.0, 6.0 * dice.unit() - 3.0, 6.0 * dice.unit() - 3.0);
+                let goal =
+                    Place::new(6.0 * dice.unit() - 3.0, 6.0 * dice.unit() - 3.0, 6.0 * dice.unit() - 3.0);
                 let Ok(reach) = flood.reach(&map, goal) else { continue };
                 let straight = (goal.point() - start.point()).norm();
                 assert!(reach.length_m >= straight - 1e-9 && reach.cost_m.is_finite());
@@ -305,9 +318,9 @@ fn distance_is_the_same_both_ways() {
     let mut compared = 0;
     for _ in 0..14 {
         let map = Things::random(&mut dice).map(footprint());
-        let mut place =
-            || Place::new(5.0 * dice.unit() - 2.5, 5.0 * dice.unit() - 2.5, 6.0 * dice.unit());
-        let places: Vec<Place> = (0..8).map(|_| place()).filter(|place| map.blocker(place).is_none()).collect();
+        let mut place = || Place::new(5.0 * dice.unit() - 2.5, 5.0 * dice.unit() - 2.5, 6.0 * dice.unit());
+        let places: Vec<Place> =
+            (0..8).map(|_| place()).filter(|place| map.blocker(place).is_none()).collect();
         for a in &places {
             for b in &places {
                 let there = Flood::new(&map, *a, Omnidirectional).and_then(|flood| flood.reach(&map, *b));
@@ -443,7 +456,8 @@ fn errors_say_which() {
 fn a_base_stands_close_to_a_counter() {
     let mut things = Things::default();
     things.add(at(2.0, 0.0, 0.45), (0.6, 3.0, 0.9), true);
-    let map = things.map(Footprint::new(&[PosedShape { pose: at(0.0, 0.0, 0.2), ..block((0.66, 0.66, 0.3)) }], &[]));
+    let map = things
+        .map(Footprint::new(&[PosedShape { pose: at(0.0, 0.0, 0.2), ..block((0.66, 0.66, 0.3)) }], &[]));
     let flood = Flood::new(&map, Place::new(-1.0, 0.3, 0.4), Omnidirectional).expect("it stands free");
     // A millimetre of air in front.
     let close = Place::new(1.7 - 0.331, 0.123, 0.0);
@@ -462,7 +476,7 @@ fn odd_inputs_do_no_harm() {
     for shapes in [vec![], vec![nan], vec![huge]] {
         for size in [0.0, -1.0, 1e-9, 6.0, 1e9, f64::NAN, f64::INFINITY] {
             for cell_m in [0.5, 0.0, f64::NAN] {
-                let barrier = Barrier { pose: Isometry3::identity(), shapes: &shapes, fixed: true };
+                let barrier = Barrier { id: 0, pose: Isometry3::identity(), shapes: &shapes };
                 let room = Room { low: Vector2::zeros(), high: Vector2::repeat(size) };
                 let settings = Settings { cell_m, ..Settings::default() };
                 if size == 6.0 && cell_m == 0.0 {
@@ -472,10 +486,12 @@ fn odd_inputs_do_no_harm() {
                     continue;
                 }
                 for footprint in [plank(), Footprint::new(&shapes, &[0.3])] {
-                    let map = Map::new(room, &[barrier], footprint, settings);
+                    let map =
+                        Map::new(Arc::new(Ground::new(room, &[barrier], footprint, settings)), &[barrier]);
                     let place = Place::new(size * 0.5, size * 0.5, 0.0);
                     if let Ok(flood) = Flood::new(&map, place, Omnidirectional) {
-                        let _ = flood.drive(&map, Place::new(size * 0.7, size * 0.4, 9.0), &Speeds::default());
+                        let _ =
+                            flood.drive(&map, Place::new(size * 0.7, size * 0.4, 9.0), &Speeds::default());
                     }
                 }
             }
@@ -487,7 +503,10 @@ fn odd_inputs_do_no_harm() {
 // Costmaps
 
 fn costmap(map: &Map) -> Costmap {
-    Costmap::new(*map.grid()).range(Vector2::new(0.5, 0.5), 0.4, 1.0).gaussian(Vector2::new(0.5, 0.5), 0.7, 0.1).free(map)
+    Costmap::new(*map.grid())
+        .range(Vector2::new(0.5, 0.5), 0.4, 1.0)
+        .gaussian(Vector2::new(0.5, 0.5), 0.7, 0.1)
+        .free(map)
 }
 
 #[test]
@@ -515,7 +534,8 @@ fn samples_are_stable_without_repetition_and_likely_ones_come_first() {
 fn generators_keep_what_they_say() {
     let grid = Grid::over(Vector2::zeros(), Vector2::new(4.0, 4.0), 0.05);
     let table = Polygon::rectangle(Vector2::new(1.0, 1.0), Vector2::new(2.0, 3.0)).expect("it has an area");
-    let rim = Costmap::new(grid).region(&table).boundary(&table, 0.2).side(Vector2::new(1.5, 1.5), Vector2::x());
+    let rim =
+        Costmap::new(grid).region(&table).boundary(&table, 0.2).side(Vector2::new(1.5, 1.5), Vector2::x());
     let mut kept = 0;
     for cell in 0..grid.len() {
         let at = grid.centre(cell);
