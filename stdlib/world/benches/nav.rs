@@ -105,9 +105,12 @@ fn kitchen() -> Vec<Thing> {
     things
 }
 
-fn barriers(things: &[Thing], fixed: bool) -> Vec<Barrier<'_>> {
-    let chosen = things.iter().enumerate().filter(|(_, thing)| thing.fixed == fixed);
-    chosen.map(|(id, thing)| Barrier { id, pose: thing.pose, shapes: &thing.shapes }).collect()
+fn barriers(things: &[Thing]) -> Vec<Barrier<'_>> {
+    let barrier = |thing| {
+        let Thing { pose, shapes, fixed } = thing;
+        Barrier { pose: *pose, shapes, fixed: *fixed }
+    };
+    things.iter().map(barrier).collect()
 }
 
 // ---------------------------------------------------------------------------------------------
@@ -122,11 +125,12 @@ fn driving(wanted: &dyn Fn(&str) -> bool, things: &[Thing]) {
     }
     let footprint = Footprint::of_robot(&robot, &configuration, &[]);
     let room = Room { low: Vector2::repeat(-5.0), high: Vector2::repeat(5.0) };
-    let (fixed, movable) = (barriers(things, true), barriers(things, false));
+    let barriers = barriers(things);
     let make_ground =
-        |footprint: &Footprint| Ground::new(room, &fixed, footprint.clone(), Settings::default());
+        |footprint: &Footprint| Ground::new(room, &barriers, footprint.clone(), Settings::default());
     let ground = Arc::new(make_ground(&footprint));
-    let make = || Map::new(ground.clone(), &movable);
+    let make = || Map::on(ground.clone(), &barriers);
+    let fixed = barriers.iter().filter(|barrier| barrier.fixed).count();
     let start = Place::new(-3.5, 3.0, 0.4);
     let map = make();
     let flood = Flood::new(&map, start, DriveKind::Omnidirectional).expect("it stands free");
@@ -150,7 +154,7 @@ fn driving(wanted: &dyn Fn(&str) -> bool, things: &[Thing]) {
                 std::hint::black_box(make_ground(&footprint));
             }
         });
-        line("ground: fixed things", us, "ground", &format!("{} fixed things", fixed.len()));
+        line("ground: fixed things", us, "ground", &format!("{fixed} fixed things"));
     }
     if wanted("map: clearance and headings") {
         let us = measure(10, || {
@@ -161,7 +165,7 @@ fn driving(wanted: &dyn Fn(&str) -> bool, things: &[Thing]) {
         let cells = map.grid().len();
         let open = (0..cells).filter(|cell| map.free_headings(*cell) == u16::MAX).count();
         let tight = (0..cells).filter(|cell| !matches!(map.free_headings(*cell), 0 | u16::MAX)).count();
-        let note = format!("{} movable, {cells} cells, {open} open, {tight} tight", movable.len());
+        let note = format!("{} movable, {cells} cells, {open} open, {tight} tight", barriers.len() - fixed);
         line("map: clearance and headings", us, "map", &note);
     }
     if wanted("flood") {
@@ -196,10 +200,10 @@ fn driving(wanted: &dyn Fn(&str) -> bool, things: &[Thing]) {
         line("candidate: distance from the robot", us, "query", &format!("{} reached", free.len()));
     }
     // Beside the counter, with the island and the wall between.
-    let goal = Place::new(3.6, 0.5, 0.0);
+    let goal = Place::new(3.5, 0.5, 0.0);
     let other = Robot::from_urdf("one-arm.urdf", ONE_ARM).expect("the shipped robot is read");
     let other = Footprint::of_robot(&other, &other.zero(), &[]);
-    let other = Map::new(Arc::new(make_ground(&other)), &movable);
+    let other = Map::new(room, &barriers, other, Settings::default());
     for (name, map, kind) in [
         ("way to the counter", &map, DriveKind::Omnidirectional),
         ("the same, one arm on two wheels", &other, DriveKind::Differential),
@@ -220,13 +224,13 @@ fn driving(wanted: &dyn Fn(&str) -> bool, things: &[Thing]) {
         }
     }
     if wanted("no way: who is to blame") {
-        let mut closed: Vec<Barrier> = movable.clone();
+        let mut closed: Vec<Barrier> = barriers.clone();
         let door = [PosedShape {
             pose: Isometry3::identity(),
             shape: Shape::Box { size: Vector3::new(0.05, 2.2, 2.0) },
         }];
-        closed.push(Barrier { id: 1000, pose: Isometry3::translation(-1.0, 0.0, 1.0), shapes: &door });
-        let map = Map::new(ground.clone(), &closed);
+        closed.push(Barrier { pose: Isometry3::translation(-1.0, 0.0, 1.0), shapes: &door, fixed: false });
+        let map = Map::on(ground.clone(), &closed);
         let flood = Flood::new(&map, start, DriveKind::Omnidirectional).expect("it stands free");
         let answer = flood.reach(&map, goal);
         let us = measure(5, || {

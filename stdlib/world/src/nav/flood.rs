@@ -211,21 +211,22 @@ impl Flood {
                     let diagonal = step % 2 == 1;
                     let length = if diagonal { DIAGONAL } else { STRAIGHT };
                     let next_cost = cost + length * (factor + u32::from(map.factors[next_cell]));
-                    for next in nodes.of_cell(next_cell) {
-                        if next_cost >= self.costs[next] {
-                            continue;
-                        }
-                        let mut headings = arc & nodes.arcs[next] & allowed[step];
-                        if diagonal {
-                            let beside = |turn: usize| (cell as isize + offsets[(step + turn) % 8]) as usize;
-                            headings &= nodes.free[beside(1)] & nodes.free[beside(7)];
-                        }
-                        if headings != 0 {
+                    let mut headings = allowed[step] & arc;
+                    if diagonal && (next_cost < self.costs[next_cell] || nodes.has_others(next_cell)) {
+                        let beside = |turn: usize| (cell as isize + offsets[(step + turn) % 8]) as usize;
+                        headings &= nodes.free[beside(1)] & nodes.free[beside(7)];
+                    }
+                    let mut arrive = |next: usize| {
+                        if next_cost < self.costs[next] && nodes.arcs[next] & headings != 0 {
                             self.costs[next] = next_cost;
                             self.parents[next] = node as u32;
                             buckets[(next_cost / BUCKET) as usize % ring].push(next as u32);
                             waiting += 1;
                         }
+                    };
+                    arrive(next_cell);
+                    if nodes.has_others(next_cell) {
+                        nodes.others(next_cell).for_each(arrive);
                     }
                 }
             }

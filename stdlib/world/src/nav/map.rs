@@ -53,12 +53,12 @@ pub struct Room {
 /// Something that stands around: shapes in the frame of a body, and where that is in the world.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Barrier<'a> {
-    /// What the caller knows it by.
-    pub id: usize,
     /// Of the body in the world.
     pub pose: Isometry3<f64>,
     /// In its frame.
     pub shapes: &'a [PosedShape],
+    /// It cannot be put elsewhere, or closed: a wall, a counter.
+    pub fixed: bool,
 }
 
 /// How a map is made.
@@ -111,7 +111,7 @@ pub struct Map {
 }
 
 /// A shape of a barrier from above.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq)]
 struct Block {
     barrier: usize,
     outline: Polygon,
@@ -129,22 +129,28 @@ pub(super) struct Nodes {
     pub free: Vec<u16>,
     /// The cells of the nodes beyond the first ones, rising.
     more: Vec<u32>,
+    /// For each cell: how many of `more` come before its own.
+    before: Vec<u32>,
 }
 
 impl Nodes {
     /// The nodes of a cell.
-    #[inline]
-    pub fn of_cell(&self, cell: usize) -> impl Iterator<Item = usize> + use<> {
+    pub fn of_cell(&self, cell: usize) -> impl Iterator<Item = usize> + use<'_> {
         let first = usize::from(self.arcs[cell] != 0);
-        let others = if self.free[cell] == self.arcs[cell] { 0..0 } else { self.others(cell) };
-        (cell..cell + first).chain(others)
+        (cell..cell + first).chain(self.others(cell))
     }
 
-    fn others(&self, cell: usize) -> std::ops::Range<usize> {
-        let count = self.free.len();
-        let from = self.more.partition_point(|other| (*other as usize) < cell);
-        let to = self.more.partition_point(|other| *other as usize <= cell);
-        count + from..count + to
+    /// True if a cell has several arcs.
+    #[inline]
+    pub fn has_others(&self, cell: usize) -> bool {
+        self.free[cell] != self.arcs[cell]
+    }
+
+    /// The nodes of a cell without the first one.
+    pub fn others(&self, cell: usize) -> impl Iterator<Item = usize> + use<'_> {
+        let from = self.before[cell] as usize;
+        let count = self.more[from..].iter().take_while(move |other| **other as usize == cell).count();
+        self.free.len() + from..self.free.len() + from + count
     }
 
     /// The cell of a node.
@@ -155,9 +161,10 @@ impl Nodes {
 }
 
 impl Ground {
-    /// A room with what cannot be put elsewhere, for a robot with this footprint.
+    /// A room with what cannot be put elsewhere, for a robot with this footprint. Of the `barriers` the
+    /// fixed ones count.
     #[must_use]
-    pub fn new(room: Room, fixed: &[Barrier], footprint: Footprint, settings: Settings) -> Ground {
+    pub fn new(room: Room, barriers: &[Barrier], footprint: Footprint, settings: Settings) -> Ground {
         let grid = Grid::over(room.low, room.high, settings.cell_m);
         let wide: Vec<Polygon> =
             footprint.bands.iter().map(|band| widened(&band.outline, settings.margin_m)).collect();
@@ -168,7 +175,7 @@ impl Ground {
             settings,
             swung: wide.iter().map(|outline| swing(outline).simpler(SIMPLER_M)).collect(),
             wide,
-            blocks: blocks(fixed, &footprint),
+            blocks: blocks(barriers, true, &footprint),
             footprint,
             occupied: vec![0; grid.words() * grid.height],
             planes: vec![vec![0; grid.words() * grid.height]; 2 * HEADINGS],
@@ -262,8 +269,12 @@ impl Ground {
 
     fn gather(&self, planes: &[Vec<u64>]) -> Nodes {
         let (count, words) = (self.grid.len(), self.grid.words());
-        let mut nodes =
-            Nodes { arcs: Vec::with_capacity(count), free: Vec::with_capacity(count), more: Vec::new() };
+        let mut nodes = Nodes {
+            arcs: Vec::with_capacity(count),
+            free: Vec::with_capacity(count),
+            before: Vec::with_capacity(count),
+            more: Vec::new(),
+        };
         let mut others = Vec::new();
         for row in 0..self.grid.height {
             for word in 0..words {
@@ -290,15 +301,16 @@ impl Ground {
     }
 }
 
-fn blocks(barriers: &[Barrier], footprint: &Footprint) -> Vec<Block> {
+/// The shadows of all barriers that are fixed, or of all others.
+fn blocks(barriers: &[Barrier], fixed: bool, footprint: &Footprint) -> Vec<Block> {
     let mut blocks = Vec::new();
-    for barrier in barriers {
+    for (place, barrier) in barriers.iter().enumerate().filter(|(_, barrier)| barrier.fixed == fixed) {
         for posed in barrier.shapes {
             let posed = placed(&barrier.pose, posed);
             let (low, high) = heights(&posed);
             let bands = footprint.bands_between(low, high);
             if let Some(outline) = (bands != 0).then(|| Polygon::shadow(&posed)).flatten() {
-                blocks.push(Block { barrier: barrier.id, outline, bands });
+                blocks.push(Block { barrier: place, outline, bands });
             }
         }
     }
@@ -306,10 +318,32 @@ fn blocks(barriers: &[Barrier], footprint: &Footprint) -> Vec<Block> {
 }
 
 impl Map {
-    /// The map of a room in which these things stand, too: things that can be put elsewhere, doors.
+    /// The map of a room with all that stands around in it.
     #[must_use]
-    pub fn new(ground: Arc<Ground>, movable: &[Barrier]) -> Map {
-        let blocks = blocks(movable, &ground.footprint);
+    pub fn new(room: Room, barriers: &[Barrier], footprint: Footprint, settings: Settings) -> Map {
+        Map::on(Arc::new(Ground::new(room, barriers, footprint, settings)), barriers)
+    }
+
+    /// The same as [`Map::new`], sooner if this map has the same ground: room, footprint, and fixed
+    /// barriers are equal.
+    #[must_use]
+    pub fn again(&self, room: Room, barriers: &[Barrier], footprint: Footprint) -> Map {
+        let ground = &self.ground;
+        let same = ground.room == room
+            && ground.footprint == footprint
+            && ground.blocks == blocks(barriers, true, &footprint);
+        if same {
+            Map::on(Arc::clone(ground), barriers)
+        } else {
+            Map::new(room, barriers, footprint, ground.settings)
+        }
+    }
+
+    /// The map of a ground with what can be put elsewhere. `barriers`: the list that the ground was made
+    /// with, as far as its fixed ones go; the others count here.
+    #[must_use]
+    pub fn on(ground: Arc<Ground>, barriers: &[Barrier]) -> Map {
+        let blocks = blocks(barriers, false, &ground.footprint);
         let mut occupied = ground.occupied.clone();
         ground.occupy(&blocks, &mut occupied);
         // A point of an obstacle is at most half a diagonal from the centre of its cell.
@@ -532,6 +566,7 @@ impl Nodes {
     fn push(&mut self, free: u16, stops: u16, others: &mut Vec<u16>) {
         let cell = self.free.len() as u32;
         self.free.push(free);
+        self.before.push(self.more.len() as u32);
         // An arc begins where one cannot come from the heading before.
         let from_before = (free & !stops).rotate_left(1);
         let mut begins = free & !from_before;

@@ -79,7 +79,7 @@ impl Place {
 /// What is in the way.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Blocker {
-    /// One of the barriers, by its id.
+    /// One of the barriers, by its place in the list.
     Barrier(usize),
     /// The edge of the room.
     Bounds,

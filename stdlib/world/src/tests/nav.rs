@@ -1,14 +1,12 @@
 //! Driving against brute force: distances cell by cell, ways step by step.
 
-use std::sync::Arc;
-
 use nalgebra::{Isometry3, Vector2, Vector3};
 
 use super::{Dice, one_arm, pr2};
 use crate::nav::convex::Polygon;
 use crate::nav::{
-    Barrier, Blocker, Costmap, Drive, Flood, Footprint, Grid, Ground, Map, NoWay, Place, Room, Settings,
-    Speeds, normal_angle,
+    Barrier, Blocker, Costmap, Drive, Flood, Footprint, Grid, Map, NoWay, Place, Room, Settings, Speeds,
+    normal_angle,
 };
 use crate::robot::chain::DriveKind;
 use crate::shape::{PosedShape, Shape};
@@ -36,12 +34,12 @@ impl Things {
     }
 
     fn map(&self, footprint: Footprint) -> Map {
-        let barriers = |fixed: bool| -> Vec<Barrier> {
-            let numbered = self.0.iter().enumerate().filter(|(_, thing)| thing.2 == fixed);
-            numbered.map(|(id, (pose, shapes, _))| Barrier { id, pose: *pose, shapes }).collect()
-        };
-        let ground = Ground::new(room(), &barriers(true), footprint, Settings::default());
-        Map::new(Arc::new(ground), &barriers(false))
+        let barriers: Vec<Barrier> = self
+            .0
+            .iter()
+            .map(|(pose, shapes, fixed)| Barrier { pose: *pose, shapes, fixed: *fixed })
+            .collect();
+        Map::new(room(), &barriers, footprint, Settings::default())
     }
 
     /// Walls and some boxes, none at the middle.
@@ -394,6 +392,24 @@ fn walls_are_blamed_where_nothing_else_is() {
 }
 
 #[test]
+fn a_map_made_on_the_ground_of_another_is_the_same() {
+    let mut dice = Dice::new(12);
+    let things = Things::random(&mut dice);
+    let barriers: Vec<Barrier> =
+        things.0.iter().map(|(pose, shapes, fixed)| Barrier { pose: *pose, shapes, fixed: *fixed }).collect();
+    let all = Map::new(room(), &barriers, footprint(), Settings::default());
+    let fixed: Vec<Barrier> = barriers.iter().copied().filter(|barrier| barrier.fixed).collect();
+    for (old, footprint_then) in [(&barriers[..], plank()), (&fixed, footprint()), (&[], footprint())] {
+        let before = Map::new(room(), old, footprint_then, Settings::default());
+        let again = before.again(room(), &barriers, footprint());
+        for cell in 0..all.grid().len() {
+            assert_eq!(again.free_headings(cell), all.free_headings(cell));
+            assert_eq!(again.clearance_m(cell), all.clearance_m(cell));
+        }
+    }
+}
+
+#[test]
 fn what_is_carried_counts() {
     let (robot, limbs) = pr2();
     let hand = limbs.arms[0].chain.tip();
@@ -476,7 +492,7 @@ fn odd_inputs_do_no_harm() {
     for shapes in [vec![], vec![nan], vec![huge]] {
         for size in [0.0, -1.0, 1e-9, 6.0, 1e9, f64::NAN, f64::INFINITY] {
             for cell_m in [0.5, 0.0, f64::NAN] {
-                let barrier = Barrier { id: 0, pose: Isometry3::identity(), shapes: &shapes };
+                let barrier = Barrier { pose: Isometry3::identity(), shapes: &shapes, fixed: cell_m == 0.5 };
                 let room = Room { low: Vector2::zeros(), high: Vector2::repeat(size) };
                 let settings = Settings { cell_m, ..Settings::default() };
                 if size == 6.0 && cell_m == 0.0 {
@@ -486,8 +502,7 @@ fn odd_inputs_do_no_harm() {
                     continue;
                 }
                 for footprint in [plank(), Footprint::new(&shapes, &[0.3])] {
-                    let map =
-                        Map::new(Arc::new(Ground::new(room, &[barrier], footprint, settings)), &[barrier]);
+                    let map = Map::new(room, &[barrier], footprint, settings);
                     let place = Place::new(size * 0.5, size * 0.5, 0.0);
                     if let Ok(flood) = Flood::new(&map, place, Omnidirectional) {
                         let _ =
