@@ -7,12 +7,13 @@
 use std::sync::Arc;
 
 use cpu_time::ProcessTime;
-use nalgebra::{Isometry3, Vector2, Vector3};
+use nalgebra::{Isometry3, Point3, Vector2, Vector3};
 use world::nav::{Barrier, Costmap, Flood, Footprint, Ground, Map, Place, Room, Settings, Speeds};
 use world::robot::chain::DriveKind;
 use world::robot::urdf::{ONE_ARM, PR2};
 use world::robot::{Chains, Robot};
 use world::shape::{PosedShape, Shape};
+use world::sight::{Camera, Things};
 
 /// How often each workload runs.
 const RUNS: usize = 9;
@@ -23,6 +24,7 @@ fn main() {
     let wanted = |name: &str| name.contains(&pattern) || pattern == "nav";
     let things = kitchen();
     driving(&wanted, &things);
+    looking(&wanted, &things);
 }
 
 // ---------------------------------------------------------------------------------------------
@@ -106,11 +108,10 @@ fn kitchen() -> Vec<Thing> {
 }
 
 fn barriers(things: &[Thing]) -> Vec<Barrier<'_>> {
-    let barrier = |thing| {
-        let Thing { pose, shapes, fixed } = thing;
-        Barrier { pose: *pose, shapes, fixed: *fixed }
-    };
-    things.iter().map(barrier).collect()
+    things
+        .iter()
+        .map(|thing| Barrier { pose: thing.pose, shapes: &thing.shapes, fixed: thing.fixed })
+        .collect()
 }
 
 // ---------------------------------------------------------------------------------------------
@@ -257,5 +258,44 @@ fn driving(wanted: &dyn Fn(&str) -> bool, things: &[Thing]) {
             }
         });
         line("costmap of a ring, 20 samples", us, "search", &format!("{} reached", sample()));
+    }
+}
+
+fn looking(wanted: &dyn Fn(&str) -> bool, kitchen: &[Thing]) {
+    let robot = Robot::from_urdf("pr2.urdf", PR2).expect("the shipped robot is read");
+    let limbs = robot.limbs(&Chains::pr2()).expect("the parts are there");
+    let head = limbs.head.as_ref().expect("it has a head");
+    let mut things = Things::default();
+    for thing in kitchen {
+        things.push(&thing.pose, &thing.shapes);
+    }
+    let root = Place::new(3.4, 0.3, 0.1).pose();
+    let mut configuration = robot.zero();
+    let point = Point3::new(4.45, 0.2, 0.95);
+    if wanted("head towards a point") {
+        let us = measure(100, || {
+            for _ in 0..100 {
+                std::hint::black_box(robot.look_at(head, &root, &configuration, &point).is_ok());
+            }
+        });
+        line("head towards a point", us, "look", "");
+    }
+    let look = robot.look_at(head, &root, &configuration, &point).expect("it turns there");
+    configuration[head.pan.index()] = look.pan;
+    configuration[head.tilt.index()] = look.tilt;
+    let mut poses = Vec::new();
+    robot.forward(&root, &configuration, &mut poses);
+    let eye = poses[head.camera.index()];
+    if wanted("sight of a thing") {
+        let small: Vec<usize> = (kitchen.len() - 40..kitchen.len()).collect();
+        let see = |number: usize| {
+            let thing = &kitchen[number];
+            things.sight(&Camera::default(), &eye, (&thing.pose, &thing.shapes), &[number])
+        };
+        let mut seen = 0;
+        let us = measure(100, || {
+            seen = small.iter().cycle().take(100).filter(|number| see(**number).visible > 0.3).count();
+        });
+        line("sight of a thing", us, "query", &format!("{} things, {seen} of 100 seen", things.len()));
     }
 }

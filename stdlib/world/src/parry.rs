@@ -75,6 +75,24 @@ impl Solid {
         relative.is_finite().then_some(relative)
     }
 
+    /// Where the straight line from one point to another first meets the shape, as a share of its
+    /// length; 0 if it begins inside.
+    pub(crate) fn first_on_line(
+        &self,
+        at: &Isometry3<f64>,
+        from: &nalgebra::Point3<f64>,
+        to: &nalgebra::Point3<f64>,
+    ) -> Option<f64> {
+        let place = at * self.pose;
+        let (from, to) = (place.inverse_transform_point(from), place.inverse_transform_point(to));
+        let point = |p: nalgebra::Vector3<f64>| Vector::new(p.x as f32, p.y as f32, p.z as f32);
+        let ray = rapier3d::parry::query::Ray::new(point(from.coords), point(to - from));
+        if !(ray.origin.is_finite() && ray.dir.is_finite()) {
+            return None;
+        }
+        self.shape.cast_local_ray(&ray, 1.0, true).map(f64::from)
+    }
+
     /// The shape with its place, as parts of a compound are given.
     pub(crate) fn part(&self) -> (Pose, SharedShape) {
         (pose(&self.pose), self.shape.clone())

@@ -5,6 +5,7 @@ mod ik;
 mod kinematics;
 mod nav;
 mod path;
+mod sight;
 mod urdf;
 
 use nalgebra::Isometry3;
