@@ -191,6 +191,8 @@ impl Flood {
                 waiting += 1;
             }
         }
+        // No step costs less than a bucket is wide, so what is in one is final when its turn comes.
+        let mut done = vec![false; self.costs.len()];
         let mut level = 0;
         let mut now = Vec::new();
         while waiting > 0 {
@@ -199,8 +201,8 @@ impl Flood {
             for node in now.drain(..) {
                 let node = node as usize;
                 let cost = self.costs[node];
-                // Another step was cheaper, and this node is done.
-                if (cost / BUCKET) as usize != level {
+                // It has been here twice, as a cheaper step was found after the first.
+                if std::mem::replace(&mut done[node], true) {
                     continue;
                 }
                 let cell = nodes.cell(node);
@@ -211,10 +213,17 @@ impl Flood {
                     let diagonal = step % 2 == 1;
                     let length = if diagonal { DIAGONAL } else { STRAIGHT };
                     let next_cost = cost + length * (factor + u32::from(map.factors[next_cell]));
-                    let mut headings = allowed[step] & arc;
-                    if diagonal && (next_cost < self.costs[next_cell] || nodes.has_others(next_cell)) {
+                    let has_others = nodes.has_others(next_cell);
+                    if next_cost >= self.costs[next_cell] && !has_others {
+                        continue;
+                    }
+                    let mut headings = allowed[step] & arc & nodes.free[next_cell];
+                    if diagonal {
                         let beside = |turn: usize| (cell as isize + offsets[(step + turn) % 8]) as usize;
                         headings &= nodes.free[beside(1)] & nodes.free[beside(7)];
+                    }
+                    if headings == 0 {
+                        continue;
                     }
                     let mut arrive = |next: usize| {
                         if next_cost < self.costs[next] && nodes.arcs[next] & headings != 0 {
@@ -225,7 +234,7 @@ impl Flood {
                         }
                     };
                     arrive(next_cell);
-                    if nodes.has_others(next_cell) {
+                    if has_others {
                         nodes.others(next_cell).for_each(arrive);
                     }
                 }

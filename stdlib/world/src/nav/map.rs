@@ -444,8 +444,7 @@ impl Map {
             if done + room >= length && room >= 0.0 {
                 return true;
             }
-            // Not so for NaN, too.
-            if !(room >= LEAST_STEP) {
+            if room < LEAST_STEP || room.is_nan() {
                 return false;
             }
             done += room;

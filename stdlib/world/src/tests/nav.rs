@@ -290,7 +290,7 @@ fn assert_drives_along_its_heading(way: &Drive) {
         let along = pair[1].point() - pair[0].point();
         if along.norm() > 1e-6 {
             let off = normal_angle(libm::atan2(along.y, along.x) - pair[0].yaw).abs();
-            assert!(off < 1e-6 || off > std::f64::consts::PI - 1e-6, "{pair:?}");
+            assert!(off.min(std::f64::consts::PI - off) < 1e-6, "{pair:?}");
         }
     }
 }
@@ -491,16 +491,10 @@ fn odd_inputs_do_no_harm() {
     let huge = PosedShape { ..block((1e300, 1.0, 1.0)) };
     for shapes in [vec![], vec![nan], vec![huge]] {
         for size in [0.0, -1.0, 1e-9, 6.0, 1e9, f64::NAN, f64::INFINITY] {
-            for cell_m in [0.5, 0.0, f64::NAN] {
+            for cell_m in [0.5, -1.0, f64::NAN] {
                 let barrier = Barrier { pose: Isometry3::identity(), shapes: &shapes, fixed: cell_m == 0.5 };
                 let room = Room { low: Vector2::zeros(), high: Vector2::repeat(size) };
                 let settings = Settings { cell_m, ..Settings::default() };
-                if size == 6.0 && cell_m == 0.0 {
-                    continue; // Four million cells: works, takes seconds.
-                }
-                if cell_m == 0.0 {
-                    continue;
-                }
                 for footprint in [plank(), Footprint::new(&shapes, &[0.3])] {
                     let map = Map::new(room, &[barrier], footprint, settings);
                     let place = Place::new(size * 0.5, size * 0.5, 0.0);

@@ -111,7 +111,7 @@ fn shares_add_up_and_tell_what_hides() {
     alone.push(&target.0, &target.1);
     let sight = see(&alone, &turned);
     assert!(sight.outside > 0.3 && sight.outside < 0.7 && sight.hidden.is_empty(), "{sight:?}");
-    for away in [Isometry3::rotation(Vector3::y() * 3.14), Isometry3::translation(0.0, 0.0, -3.0)] {
+    for away in [Isometry3::rotation(Vector3::y() * 3.0), Isometry3::translation(0.0, 0.0, -3.0)] {
         assert_eq!(see(&alone, &away).visible, 0.0);
     }
 }
