@@ -4,13 +4,16 @@
 //! parked arms. Each figure is the median of nine runs, CPU time of the process. What was seen:
 //! `benches/README.md` beside this file.
 
+use std::sync::Arc;
+
 use cpu_time::ProcessTime;
-use nalgebra::{Isometry3, Vector2, Vector3};
-use world::nav::{Barrier, Costmap, Flood, Footprint, Map, Place, Room, Settings, Speeds};
+use nalgebra::{Isometry3, Point3, Vector2, Vector3};
+use world::nav::{Barrier, Costmap, Flood, Footprint, Ground, Map, Place, Room, Settings, Speeds};
 use world::robot::chain::DriveKind;
-use world::robot::urdf::PR2;
+use world::robot::urdf::{ONE_ARM, PR2};
 use world::robot::{Chains, Robot};
 use world::shape::{PosedShape, Shape};
+use world::sight::{Camera, Things};
 
 /// How often each workload runs.
 const RUNS: usize = 9;
@@ -21,6 +24,7 @@ fn main() {
     let wanted = |name: &str| name.contains(&pattern) || pattern == "nav";
     let things = kitchen();
     driving(&wanted, &things);
+    looking(&wanted, &things);
 }
 
 // ---------------------------------------------------------------------------------------------
@@ -62,6 +66,7 @@ impl Dice {
 struct Thing {
     pose: Isometry3<f64>,
     shapes: Vec<PosedShape>,
+    fixed: bool,
 }
 
 fn kitchen() -> Vec<Thing> {
@@ -69,7 +74,9 @@ fn kitchen() -> Vec<Thing> {
     let mut add = |size: (f64, f64, f64), at: (f64, f64, f64), yaw: f64| {
         let shape = Shape::Box { size: Vector3::new(size.0, size.1, size.2) };
         let pose = Isometry3::new(Vector3::new(at.0, at.1, at.2), Vector3::z() * yaw);
-        things.push(Thing { pose, shapes: vec![PosedShape { pose: Isometry3::identity(), shape }] });
+        // Walls, counters and the table stay; what is smaller can be put elsewhere, or closed.
+        let fixed = size.0 * size.1 > 0.3 && size.2 > 0.5 && size.0 != 0.04;
+        things.push(Thing { pose, shapes: vec![PosedShape { pose: Isometry3::identity(), shape }], fixed });
     };
     for side in [-1.0, 1.0] {
         add((0.1, 10.0, 2.5), (5.0 * side, 0.0, 1.25), 0.0);
@@ -101,7 +108,10 @@ fn kitchen() -> Vec<Thing> {
 }
 
 fn barriers(things: &[Thing]) -> Vec<Barrier<'_>> {
-    things.iter().map(|thing| Barrier { pose: thing.pose, shapes: &thing.shapes, fixed: true }).collect()
+    things
+        .iter()
+        .map(|thing| Barrier { pose: thing.pose, shapes: &thing.shapes, fixed: thing.fixed })
+        .collect()
 }
 
 // ---------------------------------------------------------------------------------------------
@@ -117,7 +127,11 @@ fn driving(wanted: &dyn Fn(&str) -> bool, things: &[Thing]) {
     let footprint = Footprint::of_robot(&robot, &configuration, &[]);
     let room = Room { low: Vector2::repeat(-5.0), high: Vector2::repeat(5.0) };
     let barriers = barriers(things);
-    let make = || Map::new(room, &barriers, footprint.clone(), Settings::default());
+    let make_ground =
+        |footprint: &Footprint| Ground::new(room, &barriers, footprint.clone(), Settings::default());
+    let ground = Arc::new(make_ground(&footprint));
+    let make = || Map::on(ground.clone(), &barriers);
+    let fixed = barriers.iter().filter(|barrier| barrier.fixed).count();
     let start = Place::new(-3.5, 3.0, 0.4);
     let map = make();
     let flood = Flood::new(&map, start, DriveKind::Omnidirectional).expect("it stands free");
@@ -135,6 +149,14 @@ fn driving(wanted: &dyn Fn(&str) -> bool, things: &[Thing]) {
             &format!("radii {:.2} and {:.2} m", radii.0, radii.1),
         );
     }
+    if wanted("ground: fixed things") {
+        let us = measure(10, || {
+            for _ in 0..10 {
+                std::hint::black_box(make_ground(&footprint));
+            }
+        });
+        line("ground: fixed things", us, "ground", &format!("{fixed} fixed things"));
+    }
     if wanted("map: clearance and headings") {
         let us = measure(10, || {
             for _ in 0..10 {
@@ -144,7 +166,7 @@ fn driving(wanted: &dyn Fn(&str) -> bool, things: &[Thing]) {
         let cells = map.grid().len();
         let open = (0..cells).filter(|cell| map.free_headings(*cell) == u16::MAX).count();
         let tight = (0..cells).filter(|cell| !matches!(map.free_headings(*cell), 0 | u16::MAX)).count();
-        let note = format!("{} barriers, {cells} cells, {open} open, {tight} tight", barriers.len());
+        let note = format!("{} movable, {cells} cells, {open} open, {tight} tight", barriers.len() - fixed);
         line("map: clearance and headings", us, "map", &note);
     }
     if wanted("flood") {
@@ -179,17 +201,20 @@ fn driving(wanted: &dyn Fn(&str) -> bool, things: &[Thing]) {
         line("candidate: distance from the robot", us, "query", &format!("{} reached", free.len()));
     }
     // Beside the counter, with the island and the wall between.
-    let goal = Place::new(3.75, 0.5, 0.0);
-    for (name, kind) in [
-        ("way to the counter", DriveKind::Omnidirectional),
-        ("the same, two wheels", DriveKind::Differential),
+    let goal = Place::new(3.4, -2.9, 0.0);
+    let other = Robot::from_urdf("one-arm.urdf", ONE_ARM).expect("the shipped robot is read");
+    let other = Footprint::of_robot(&other, &other.zero(), &[]);
+    let other = Map::new(room, &barriers, other, Settings::default());
+    for (name, map, kind) in [
+        ("way to the counter", &map, DriveKind::Omnidirectional),
+        ("the same, one arm on two wheels", &other, DriveKind::Differential),
     ] {
         if wanted(name) {
-            let flood = Flood::new(&map, start, kind).expect("it stands free");
-            let way = flood.drive(&map, goal, &Speeds::default());
+            let flood = Flood::new(map, start, kind).expect("it stands free");
+            let way = flood.drive(map, goal, &Speeds::default());
             let us = measure(20, || {
                 for _ in 0..20 {
-                    std::hint::black_box(flood.drive(&map, goal, &Speeds::default()).is_ok());
+                    std::hint::black_box(flood.drive(map, goal, &Speeds::default()).is_ok());
                 }
             });
             let note = way.map_or_else(
@@ -206,7 +231,7 @@ fn driving(wanted: &dyn Fn(&str) -> bool, things: &[Thing]) {
             shape: Shape::Box { size: Vector3::new(0.05, 2.2, 2.0) },
         }];
         closed.push(Barrier { pose: Isometry3::translation(-1.0, 0.0, 1.0), shapes: &door, fixed: false });
-        let map = Map::new(room, &closed, footprint.clone(), Settings::default());
+        let map = Map::on(ground.clone(), &closed);
         let flood = Flood::new(&map, start, DriveKind::Omnidirectional).expect("it stands free");
         let answer = flood.reach(&map, goal);
         let us = measure(5, || {
@@ -233,5 +258,44 @@ fn driving(wanted: &dyn Fn(&str) -> bool, things: &[Thing]) {
             }
         });
         line("costmap of a ring, 20 samples", us, "search", &format!("{} reached", sample()));
+    }
+}
+
+fn looking(wanted: &dyn Fn(&str) -> bool, kitchen: &[Thing]) {
+    let robot = Robot::from_urdf("pr2.urdf", PR2).expect("the shipped robot is read");
+    let limbs = robot.limbs(&Chains::pr2()).expect("the parts are there");
+    let head = limbs.head.as_ref().expect("it has a head");
+    let mut things = Things::default();
+    for thing in kitchen {
+        things.push(&thing.pose, &thing.shapes);
+    }
+    let root = Place::new(3.4, 0.3, 0.1).pose();
+    let mut configuration = robot.zero();
+    let point = Point3::new(4.45, 0.2, 0.95);
+    if wanted("head towards a point") {
+        let us = measure(100, || {
+            for _ in 0..100 {
+                std::hint::black_box(robot.look_at(head, &root, &configuration, &point).is_ok());
+            }
+        });
+        line("head towards a point", us, "look", "");
+    }
+    let look = robot.look_at(head, &root, &configuration, &point).expect("it turns there");
+    configuration[head.pan.index()] = look.pan;
+    configuration[head.tilt.index()] = look.tilt;
+    let mut poses = Vec::new();
+    robot.forward(&root, &configuration, &mut poses);
+    let eye = poses[head.camera.index()];
+    if wanted("sight of a thing") {
+        let small: Vec<usize> = (kitchen.len() - 40..kitchen.len()).collect();
+        let see = |number: usize| {
+            let thing = &kitchen[number];
+            things.sight(&Camera::default(), &eye, (&thing.pose, &thing.shapes), &[number])
+        };
+        let mut seen = 0;
+        let us = measure(100, || {
+            seen = small.iter().cycle().take(100).filter(|number| see(**number).visible > 0.3).count();
+        });
+        line("sight of a thing", us, "query", &format!("{} things, {seen} of 100 seen", things.len()));
     }
 }

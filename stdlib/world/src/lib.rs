@@ -4,7 +4,8 @@
 //! [`nalgebra::Isometry3<f64>`] everywhere at the border of this crate; a pose named
 //! `a_in_b` turns coordinates of `a` into coordinates of `b`.
 //!
-//! [`shape`] says what bodies look like, [`robot`] how machines of several bodies move.
+//! [`shape`] says what bodies look like, [`robot`] how machines of several bodies move,
+//! [`nav`] where they can drive, [`sight`] what their cameras see.
 //!
 //! Invariants
 //! 1. The same calls give the same bits on every machine: transcendental functions come from
@@ -24,6 +25,7 @@ pub mod robot;
 pub mod scene;
 pub mod setting;
 pub mod shape;
+pub mod sight;
 
 pub mod state;
 pub mod world;

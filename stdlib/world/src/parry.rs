@@ -4,9 +4,9 @@
 //! far from the world's origin: at arm's length a pose is good to a tenth of a micrometre.
 //! Parry's cylinders and capsules stand along Y, ours along Z.
 
-use nalgebra::{Isometry3, Point3, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 use rapier3d::parry::math::{Pose, Rotation, Vector};
-use rapier3d::parry::query::{DefaultQueryDispatcher, QueryDispatcher, Ray};
+use rapier3d::parry::query::{DefaultQueryDispatcher, QueryDispatcher};
 use rapier3d::parry::shape::SharedShape;
 
 use crate::shape::{PosedShape, Shape};
@@ -69,19 +69,28 @@ impl Solid {
         answer.map_or(0.0, |distance| f64::from(distance.distance).max(0.0))
     }
 
-    /// True if the straight line between two points meets the shape.
-    pub(crate) fn is_between(&self, at: &Isometry3<f64>, from: &Point3<f64>, to: &Point3<f64>) -> bool {
-        let place = at * self.pose;
-        let (from, to) = (place.inverse_transform_point(from), place.inverse_transform_point(to));
-        let point = |p: &Point3<f64>| Vector::new(p.x as f32, p.y as f32, p.z as f32);
-        let ray = Ray::new(point(&from), point(&to) - point(&from));
-        self.shape.intersects_local_ray(&ray, 1.0)
-    }
-
     /// `None` if parry cannot work on it, because a number is none or does not fit into `f32`.
     fn relative(&self, at: &Isometry3<f64>, other: &Solid, other_at: &Isometry3<f64>) -> Option<Pose> {
         let relative = pose(&(at * self.pose).inv_mul(&(other_at * other.pose)));
         relative.is_finite().then_some(relative)
+    }
+
+    /// Where the straight line from one point to another first meets the shape, as a share of its
+    /// length; 0 if it begins inside.
+    pub(crate) fn first_on_line(
+        &self,
+        at: &Isometry3<f64>,
+        from: &nalgebra::Point3<f64>,
+        to: &nalgebra::Point3<f64>,
+    ) -> Option<f64> {
+        let place = at * self.pose;
+        let (from, to) = (place.inverse_transform_point(from), place.inverse_transform_point(to));
+        let point = |p: nalgebra::Vector3<f64>| Vector::new(p.x as f32, p.y as f32, p.z as f32);
+        let ray = rapier3d::parry::query::Ray::new(point(from.coords), point(to - from));
+        if !(ray.origin.is_finite() && ray.dir.is_finite()) {
+            return None;
+        }
+        self.shape.cast_local_ray(&ray, 1.0, true).map(f64::from)
     }
 
     /// The shape with its place, as parts of a compound are given.

@@ -10,9 +10,6 @@ use super::{Costs, Key, Outcome, Part, Surroundings, Track, Trouble, joint_time_
 
 /// Joints move by at most so much between two looks, radians or metres.
 const LOOK: f64 = 0.05;
-/// Rounds of Newton's method until the head looks at a point, and when it does, radians.
-const ROUNDS: usize = 30;
-const LOOKS_AT_RAD: f64 = 1e-4;
 
 /// The torso to a height: `position` of its joint, metres.
 #[must_use]
@@ -129,37 +126,12 @@ fn look(state: &State, at: &Vector3<f64>) -> Result<Outcome, Trouble> {
     let Some(head) = &machine.limbs.head else {
         return Err(Trouble::new("looking-out-of-range", "this robot has no head that moves"));
     };
-    let limits = |variable: VariableId| machine.robot.variables()[variable.index()].limits;
-    let clamp = |variable: VariableId, value: f64| {
-        limits(variable).map_or(value, |(low, high)| value.clamp(low, high))
-    };
-    let mut links = Vec::new();
-    // How far right and down of the middle of the image the point is, as angles.
-    let mut off = |pan: f64, tilt: f64| {
-        let joints = with(&state.joints, &[(head.pan, pan), (head.tilt, tilt)]);
-        machine.robot.forward(&state.base, &joints, &mut links);
-        let camera: &Isometry3<f64> = &links[head.camera.index()];
-        let seen = camera.inverse_transform_point(&Point3::from(*at));
-        (libm::atan2(seen.x, seen.z), libm::atan2(seen.y, libm::hypot(seen.x, seen.z)))
-    };
-    let (mut pan, mut tilt) = (state.joints[head.pan.index()], state.joints[head.tilt.index()]);
-    // The pan axis turns left, the image counts to the right: one step of each brings it close.
-    for _ in 0..ROUNDS {
-        let (right, down) = off(pan, tilt);
-        if right.abs().max(down.abs()) < LOOKS_AT_RAD {
-            break;
-        }
-        pan = clamp(head.pan, pan - right);
-        let (_, down_then) = off(pan, tilt);
-        tilt = clamp(head.tilt, tilt + down_then);
-    }
-    let (right, down) = off(pan, tilt);
-    if !(right.abs().max(down.abs()) < 100.0 * LOOKS_AT_RAD) {
-        let message = "the head does not turn so far";
-        return Err(Trouble::new("looking-out-of-range", message)
-            .pose("goal", Isometry3::translation(at.x, at.y, at.z)));
-    }
-    let to = with(&state.joints, &[(head.pan, pan), (head.tilt, tilt)]);
+    let look =
+        machine.robot.look_at(head, &state.base, &state.joints, &Point3::from(*at)).map_err(|why| {
+            let goal = Isometry3::translation(at.x, at.y, at.z);
+            Trouble::new("looking-out-of-range", why.to_string()).pose("goal", goal)
+        })?;
+    let to = with(&state.joints, &[(head.pan, look.pan), (head.tilt, look.tilt)]);
     let time_s = joint_time_s(machine, &state.joints, &to);
     Ok(Outcome { track: track_of(state, &[to], &[time_s]), ..Outcome::default() })
 }

@@ -5,6 +5,7 @@
 //! starting and stopping take is in them.
 
 use crate::nav::Speeds;
+use crate::sight::Camera;
 
 /// Speeds, times and noise.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -58,12 +59,8 @@ pub struct Model {
     /// It may tilt so far.
     pub tilt_rad: f64,
     // ---- camera
-    /// Half of the angle of view to the sides.
-    pub view_rad: f64,
-    /// Half of it up and down.
-    pub view_up_rad: f64,
-    /// How far it sees.
-    pub view_m: f64,
+    /// What it takes in.
+    pub camera: Camera,
     /// The share of an object that has to be visible.
     pub visible_share: f64,
 }
@@ -91,8 +88,6 @@ pub const MODEL: Model = Model {
     slide_m: 0.03,
     fall_m: 0.05,
     tilt_rad: 0.2,
-    view_rad: 0.75,
-    view_up_rad: 0.6,
-    view_m: 3.5,
+    camera: Camera { width_rad: 1.57, height_rad: 1.2, near_m: 0.1, far_m: 3.5 },
     visible_share: 0.3,
 };

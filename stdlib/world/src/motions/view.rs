@@ -1,46 +1,58 @@
-//! How much of an object a camera sees.
+//! What hides objects from a camera: all that stands around, the robot itself, and what it carries.
 
-use nalgebra::{Isometry3, Point3};
+use nalgebra::Isometry3;
 
-use crate::scene::ObjectId;
-use crate::state::{Around, State};
+use crate::scene::{ContainerId, ObjectId};
+use crate::sight::{Sight, Things};
+use crate::state::State;
 
 use super::MODEL;
 
-/// Points along each edge of the box around an object that are looked for.
-const POINTS: usize = 3;
+/// All that could hide something, made once for a look around.
+pub(super) struct View<'s> {
+    state: &'s State,
+    things: Things,
+    names: Vec<String>,
+    /// The first object's number.
+    objects: usize,
+}
 
-/// The share of an object, from 0 to 1, that is in the image with nothing before it. The camera looks
-/// along its Z, X to the right. Points inside of the box around the object stand for it: what hides
-/// all of them hides the object.
-pub(super) fn visible_share(state: &State, object: ObjectId, camera: &Isometry3<f64>) -> f64 {
-    let kind = state.setting.scene.kind_of(object);
-    let pose = state.object_pose(object);
-    let at = |index: usize, axis: usize| {
-        let share = 0.1 + 0.8 * index as f64 / (POINTS - 1) as f64;
-        kind.low[axis] + (kind.high[axis] - kind.low[axis]) * share
-    };
-    let eye = Point3::from(camera.translation.vector);
-    let mut around = None;
-    let mut seen = 0;
-    for index in 0..POINTS.pow(3) {
-        let point = Point3::new(
-            at(index % POINTS, 0),
-            at(index / POINTS % POINTS, 1),
-            at(index / (POINTS * POINTS), 2),
-        );
-        let point = pose * point;
-        let local = camera.inverse_transform_point(&point);
-        let (right, up) = (libm::atan2(local.x, local.z), libm::atan2(local.y, local.z));
-        if local.coords.norm() > MODEL.view_m || right.abs() > MODEL.view_rad || up.abs() > MODEL.view_up_rad
-        {
-            continue;
+impl<'s> View<'s> {
+    pub fn new(state: &'s State) -> View<'s> {
+        let (scene, mut things, mut names) = (&state.setting.scene, Things::default(), Vec::new());
+        for fixture in &scene.fixtures {
+            things.push(&fixture.pose, &fixture.shapes);
+            names.push(fixture.name.clone());
         }
-        let around = around
-            .get_or_insert_with(|| state.obstacles(&Around { without: Some(object), ..Around::default() }));
-        if !around.are_between(&eye, &point) {
-            seen += 1;
+        for (number, container) in scene.containers.iter().enumerate() {
+            let id = ContainerId(number);
+            things.push(&state.setting.container_pose(id, state.opening(id)), &container.shapes);
+            names.push(container.name.clone());
         }
+        let links = state.machine().map_or(&[][..], |machine| machine.robot.links());
+        for (link, pose) in links.iter().zip(state.links()) {
+            things.push(&pose, &link.shapes);
+            names.push(link.name.clone());
+        }
+        let objects = things.len();
+        for object in state.objects.keys() {
+            things.push(&state.object_pose(*object), &scene.kind_of(*object).shapes);
+            names.push(scene.objects[object.0].name.clone());
+        }
+        View { state, things, names, objects }
     }
-    f64::from(seen) / (POINTS.pow(3) as f64)
+
+    /// How a camera, whose frame is at `eye`, sees an object.
+    pub fn sight(&self, object: ObjectId, eye: &Isometry3<f64>) -> Sight {
+        let own = self.state.objects.keys().position(|it| *it == object).unwrap_or(0);
+        let shapes = &self.state.setting.scene.kind_of(object).shapes;
+        let pose = self.state.object_pose(object);
+        self.things.sight(&MODEL.camera, eye, (&pose, shapes), &[self.objects + own])
+    }
+
+    /// What hides most of something.
+    pub fn hides(&self, sight: &Sight) -> Option<&str> {
+        let (number, share) = sight.hidden.first()?;
+        (*share > sight.outside).then(|| self.names[*number].as_str())
+    }
 }

@@ -10,7 +10,11 @@ use nalgebra::{Isometry3, Vector2, Vector3};
 use crate::shape::{PosedShape, Shape};
 
 /// By how much the corners of a polygon may stand out from the circle that it stands for, metres.
-const ROUNDING_M: f64 = 0.002;
+pub(super) const ROUNDING_M: f64 = 0.002;
+
+/// Edges shorter than this are left out, metres: their direction would be chance, and what lies beyond
+/// an edge is taken as apart.
+const SHORTEST_M: f64 = 1e-6;
 
 /// A convex polygon with at least three corners.
 #[derive(Debug, Clone, PartialEq)]
@@ -35,6 +39,10 @@ impl Polygon {
         let mut corners: Vec<Vector2<f64>> = Vec::with_capacity(sorted.len() + 1);
         chain(sorted.iter(), &mut corners);
         chain(sorted.iter().rev(), &mut corners);
+        corners.dedup_by(|a, b| (*a - *b).norm() < SHORTEST_M);
+        while corners.len() > 1 && (corners[0] - corners[corners.len() - 1]).norm() < SHORTEST_M {
+            corners.pop();
+        }
         (corners.len() >= 3).then(|| Polygon::of_corners(corners))
     }
 
@@ -82,21 +90,74 @@ impl Polygon {
     /// Each point of the one plus each point of the other.
     #[must_use]
     pub fn plus(&self, other: &Polygon) -> Polygon {
+        // The edges of both in the order of their directions.
         let (a, b) = (&self.corners, &other.corners);
         let mut corners = Vec::with_capacity(a.len() + b.len());
         let (mut i, mut j) = (0, 0);
         while i < a.len() || j < b.len() {
-            corners.push(a[i % a.len()] + b[j % b.len()]);
-            let along_a = a[(i + 1) % a.len()] - a[i % a.len()];
-            let along_b = b[(j + 1) % b.len()] - b[j % b.len()];
-            let cross = along_a.perp(&along_b);
-            if j == b.len() || (i < a.len() && cross >= 0.0) {
+            let (from_a, from_b) = (a[i % a.len()], b[j % b.len()]);
+            corners.push(from_a + from_b);
+            let along_a = a[(i + 1) % a.len()] - from_a;
+            let along_b = b[(j + 1) % b.len()] - from_b;
+            if j == b.len() || (i < a.len() && along_a.perp(&along_b) >= 0.0) {
                 i += 1;
             } else {
                 j += 1;
             }
         }
         Polygon { corners, low: self.low + other.low, high: self.high + other.high }
+    }
+
+    /// What the polygon sweeps on a straight way.
+    #[must_use]
+    pub fn along(&self, way: Vector2<f64>) -> Polygon {
+        if way.norm() < SHORTEST_M {
+            return self.clone();
+        }
+        // Edges that face forward move; between them and the others the way itself is an edge. Edges
+        // along the way must not be told apart by rounding.
+        let count = self.corners.len();
+        let least = 1e-9 * way.norm();
+        let leads = |edge: usize| way.perp(&(self.corners[(edge + 1) % count] - self.corners[edge])) > least;
+        let mut corners = Vec::with_capacity(count + 2);
+        let mut before = leads(count - 1);
+        for (number, corner) in self.corners.iter().enumerate() {
+            let after = leads(number);
+            match (before, after) {
+                (false, false) => corners.push(*corner),
+                (true, true) => corners.push(corner + way),
+                (false, true) => corners.extend([*corner, corner + way]),
+                (true, false) => corners.extend([corner + way, *corner]),
+            }
+            before = after;
+        }
+        Polygon::of_corners(lowest_first(corners))
+    }
+
+    /// A polygon around this one with fewer corners, none farther than this outside of it.
+    ///
+    /// The edge that costs least goes first: its neighbours are made longer until they meet.
+    #[must_use]
+    pub fn simpler(&self, tolerance_m: f64) -> Polygon {
+        let mut corners = self.corners.clone();
+        while corners.len() > 3 {
+            let count = corners.len();
+            let without = |edge: usize| {
+                let at = |number: usize| corners[(edge + number) % count];
+                let (a, b, c, d) = (at(0), at(1), at(2), at(3));
+                let (first, second) = (b - a, c - d);
+                let cross = first.perp(&second);
+                let meet = b + first * ((c - b).perp(&second) / cross);
+                let out = -self.depth(&meet);
+                // The two must meet ahead, beyond the edge between.
+                (cross < 0.0 && out <= tolerance_m).then_some((out, edge, meet))
+            };
+            let best = (0..count).filter_map(without).min_by(|a, b| a.0.total_cmp(&b.0));
+            let Some((_, edge, meet)) = best else { break };
+            corners[(edge + 1) % count] = meet;
+            corners.remove((edge + 2) % count);
+        }
+        Polygon::around(&corners).unwrap_or_else(|| self.clone())
     }
 
     /// The polygon turned half round the origin.

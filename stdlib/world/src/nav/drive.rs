@@ -99,7 +99,7 @@ impl Flood {
         let mut points = vec![bare(self.start.point())];
         points.extend(first.via.map(bare));
         points.extend(nodes.iter().map(|node| Point {
-            at: map.grid().centre(map.nodes.cells[*node] as usize),
+            at: map.grid().centre(map.nodes.cell(*node)),
             arc: map.nodes.arcs[*node],
             is_cell: true,
             cost: 0.0,

@@ -135,7 +135,7 @@ impl Flood {
     #[must_use]
     pub fn nearest(&self, map: &Map, point: Vector2<f64>) -> Option<Vector2<f64>> {
         let reached = (0..map.nodes.arcs.len()).filter(|node| self.is_reached(*node));
-        let centres = reached.map(|node| map.grid().centre(map.nodes.cells[node] as usize));
+        let centres = reached.map(|node| map.grid().centre(map.nodes.cell(node)));
         centres.min_by(|a, b| (a - point).norm_squared().total_cmp(&(b - point).norm_squared()))
     }
 
@@ -156,7 +156,7 @@ impl Flood {
     }
 
     fn length_m(&self, map: &Map, node: usize) -> f64 {
-        let cell = |node: usize| map.nodes.cells[node] as usize;
+        let cell = |node: usize| map.nodes.cell(node);
         let width = map.grid().width;
         let (mut straight, mut diagonal, mut at) = (0_u32, 0_u32, node);
         while self.parents[at] < LINKS {
@@ -191,6 +191,8 @@ impl Flood {
                 waiting += 1;
             }
         }
+        // No step costs less than a bucket is wide, so what is in one is final when its turn comes.
+        let mut done = vec![false; self.costs.len()];
         let mut level = 0;
         let mut now = Vec::new();
         while waiting > 0 {
@@ -199,32 +201,41 @@ impl Flood {
             for node in now.drain(..) {
                 let node = node as usize;
                 let cost = self.costs[node];
-                // Another step was cheaper, and this node is done.
-                if (cost / BUCKET) as usize != level {
+                // It has been here twice, as a cheaper step was found after the first.
+                if std::mem::replace(&mut done[node], true) {
                     continue;
                 }
-                let cell = nodes.cells[node] as usize;
+                let cell = nodes.cell(node);
                 let arc = nodes.arcs[node];
                 let factor = u32::from(map.factors[cell]);
                 for step in 0..8 {
                     let next_cell = (cell as isize + offsets[step]) as usize;
-                    let mut headings = arc & allowed[step] & nodes.free[next_cell];
-                    if step % 2 == 1 {
+                    let diagonal = step % 2 == 1;
+                    let length = if diagonal { DIAGONAL } else { STRAIGHT };
+                    let next_cost = cost + length * (factor + u32::from(map.factors[next_cell]));
+                    let has_others = nodes.has_others(next_cell);
+                    if next_cost >= self.costs[next_cell] && !has_others {
+                        continue;
+                    }
+                    let mut headings = allowed[step] & arc & nodes.free[next_cell];
+                    if diagonal {
                         let beside = |turn: usize| (cell as isize + offsets[(step + turn) % 8]) as usize;
                         headings &= nodes.free[beside(1)] & nodes.free[beside(7)];
                     }
                     if headings == 0 {
                         continue;
                     }
-                    let length = if step % 2 == 1 { DIAGONAL } else { STRAIGHT };
-                    let next_cost = cost + length * (factor + u32::from(map.factors[next_cell]));
-                    for next in nodes.of_cell(next_cell) {
-                        if nodes.arcs[next] & headings != 0 && next_cost < self.costs[next] {
+                    let mut arrive = |next: usize| {
+                        if next_cost < self.costs[next] && nodes.arcs[next] & headings != 0 {
                             self.costs[next] = next_cost;
                             self.parents[next] = node as u32;
                             buckets[(next_cost / BUCKET) as usize % ring].push(next as u32);
                             waiting += 1;
                         }
+                    };
+                    arrive(next_cell);
+                    if has_others {
+                        nodes.others(next_cell).for_each(arrive);
                     }
                 }
             }
@@ -309,7 +320,7 @@ fn allowed(drive: DriveKind, step: usize) -> u16 {
 }
 
 fn link_cost(map: &Map, link: &Link) -> u32 {
-    let factor = f64::from(map.factors[map.nodes.cells[link.node] as usize]) / f64::from(LEAST_FACTOR);
+    let factor = f64::from(map.factors[map.nodes.cell(link.node)]) / f64::from(LEAST_FACTOR);
     (link.length_m / map.grid().cell_m * factor * f64::from(BUCKET)) as u32
 }
 
@@ -353,7 +364,7 @@ fn ring_cells(row: isize, column: isize, ring: isize) -> impl Iterator<Item = (i
 }
 
 fn link_cell(map: &Map, place: Place, drive: DriveKind, cell: usize, found: &mut Vec<Link>) {
-    if map.nodes.of_cell(cell).is_empty() {
+    if map.free_headings(cell) == 0 {
         return;
     }
     let (point, centre) = (place.point(), map.grid().centre(cell));
@@ -400,7 +411,7 @@ fn link_arcs(
     found: &mut Vec<Link>,
 ) {
     for heading in headings_beside(yaw) {
-        let arc = map.nodes.of_cell(cell).find(|node| map.nodes.arcs[*node] >> heading & 1 == 1);
+        let arc = map.nodes.of_cell(cell).find(|node: &usize| map.nodes.arcs[*node] >> heading & 1 == 1);
         let Some(node) = arc.filter(|node| found.iter().all(|link| link.node != *node)) else { continue };
         let by = super::turn_between(yaw, f64::from(heading) * STEP_RAD);
         if map.turn_blocker(map.grid().centre(cell), yaw, by).is_none() {

@@ -10,10 +10,11 @@ use crate::robot::collision::SLACK_M;
 use crate::robot::{LinkId, Robot};
 use crate::shape::PosedShape;
 
-use super::convex::{Polygon, heights, shadow_points};
+use super::convex::{Polygon, ROUNDING_M, heights, shadow_points};
 
-/// Heights at which shapes are cut, metres: above bases and drawers at the floor, above worktops.
-pub const CUTS_M: [f64; 2] = [0.4, 1.0];
+/// Heights at which shapes are cut, metres: above bases and what they go under, above worktops with
+/// what stands on them.
+pub const CUTS_M: [f64; 2] = [0.4, 1.2];
 
 /// Bands at most; more cuts than that are not looked at.
 const MAX_BANDS: usize = 8;
@@ -51,8 +52,7 @@ impl Footprint {
         let bands: Vec<Band> = lower.zip(upper).filter_map(|cut| Band::new(&shrunk, cut)).collect();
         let circumscribed_m = bands.iter().map(|band| band.outline.reach()).fold(0.0, f64::max);
         let depth = |band: &Band| band.outline.depth(&Vector2::zeros());
-        let inscribed_m = bands.iter().map(depth).fold(f64::INFINITY, f64::min);
-        let inscribed_m = if inscribed_m.is_finite() { inscribed_m.max(0.0) } else { 0.0 };
+        let inscribed_m = bands.iter().map(depth).fold(0.0, f64::max);
         Footprint { bands, inscribed_m, circumscribed_m }
     }
 
@@ -74,7 +74,7 @@ impl Footprint {
         Footprint::new(&shapes, &CUTS_M)
     }
 
-    /// Radius of the largest circle around the root that is in the outline of each band.
+    /// Radius of the largest circle around the root that is in the outline of some band.
     #[must_use]
     pub fn inscribed_m(&self) -> f64 {
         self.inscribed_m
@@ -111,6 +111,6 @@ impl Band {
                 shadow_points(posed, &mut points);
             }
         }
-        Polygon::around(&points).map(|outline| Band { outline, low, high })
+        Polygon::around(&points).map(|outline| Band { outline: outline.simpler(ROUNDING_M), low, high })
     }
 }

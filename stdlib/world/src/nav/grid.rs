@@ -81,22 +81,21 @@ impl Grid {
 
     /// Sets the bits of all cells whose centre is in the polygon.
     pub(crate) fn fill(&self, polygon: &Polygon, bits: &mut [u64]) {
-        let corners = polygon.corners();
         let (low, high) = polygon.bounds();
-        let row_of = |y: f64| (y - self.origin.y) / self.cell_m;
-        let first = libm::ceil(row_of(low.y)).max(0.0);
-        let last = libm::floor(row_of(high.y)).min((self.height - 1) as f64);
-        if !(first <= last) {
+        let per_metre = 1.0 / self.cell_m;
+        let first = up((low.y - self.origin.y) * per_metre).max(0);
+        let last = down((high.y - self.origin.y) * per_metre).min(self.height as i64 - 1);
+        if first > last {
             return;
         }
         // The two sides of the polygon, from its lowest corner up.
-        let mut right = Side::new(corners, true);
-        let mut left = Side::new(corners, false);
+        let mut right = Side::new(polygon.corners(), true);
+        let mut left = Side::new(polygon.corners(), false);
         let words = self.words();
         for row in first as usize..=last as usize {
             let y = self.origin.y + row as f64 * self.cell_m;
-            let from = libm::ceil((left.at(y) - self.origin.x) / self.cell_m).max(0.0);
-            let to = libm::floor((right.at(y) - self.origin.x) / self.cell_m).min((self.width - 1) as f64);
+            let from = up((left.at(y) - self.origin.x) * per_metre).max(0);
+            let to = down((right.at(y) - self.origin.x) * per_metre).min(self.width as i64 - 1);
             if from <= to {
                 set(&mut bits[row * words..(row + 1) * words], from as usize, to as usize);
             }
@@ -126,12 +125,6 @@ impl Grid {
         }
     }
 
-    /// True if the bit of a cell is set.
-    pub(crate) fn bit(&self, bits: &[u64], cell: usize) -> bool {
-        let (row, column) = (cell / self.width, cell % self.width);
-        bits[row * self.words() + column / 64] >> (column % 64) & 1 == 1
-    }
-
     /// For each cell the square of its distance to the nearest cell whose bit is set, in cells.
     ///
     /// Exact. The lower envelope of parabolas (Felzenszwalb and Huttenlocher, Distance transforms of
@@ -142,11 +135,13 @@ impl Grid {
         // Farther than any cell is from any other.
         let far = (width + height) as i32;
         let mut down = vec![far; self.len()];
+        let words = self.words();
         for row in 0..height {
+            let line = &bits[row * words..(row + 1) * words];
             for column in 0..width {
                 let cell = row * width + column;
                 let below = if row == 0 { far } else { (down[cell - width] + 1).min(far) };
-                down[cell] = if self.bit(bits, cell) { 0 } else { below };
+                down[cell] = if line[column / 64] >> (column % 64) & 1 == 1 { 0 } else { below };
             }
         }
         for cell in (0..self.len() - width).rev() {
@@ -199,15 +194,17 @@ struct Side<'a> {
     /// Number of the corner at the upper end of this edge, counted from the lowest one.
     next: usize,
     from: Vector2<f64>,
+    /// Y of the corner at the upper end.
+    to_y: f64,
     slope: f64,
 }
 
 impl<'a> Side<'a> {
     fn new(corners: &'a [Vector2<f64>], right: bool) -> Side<'a> {
-        let mut side = Side { corners, right, next: 0, from: corners[0], slope: 0.0 };
+        let mut side = Side { corners, right, next: 0, from: corners[0], to_y: corners[0].y, slope: 0.0 };
         side.advance();
         // A flat edge at the bottom is no part of a side.
-        while side.next < corners.len() && side.corner(side.next).y <= side.from.y {
+        while side.next < corners.len() && side.to_y <= side.from.y {
             side.advance();
         }
         side
@@ -223,6 +220,7 @@ impl<'a> Side<'a> {
         self.from = self.corner(self.next);
         self.next += 1;
         let to = self.corner(self.next);
+        self.to_y = to.y;
         let rise = to.y - self.from.y;
         self.slope = if rise > 0.0 { (to.x - self.from.x) / rise } else { 0.0 };
     }
@@ -230,11 +228,26 @@ impl<'a> Side<'a> {
     /// X of this side at a height not below those asked before.
     #[inline]
     fn at(&mut self, y: f64) -> f64 {
-        while self.corner(self.next).y < y && self.next < self.corners.len() {
+        while self.to_y < y && self.next < self.corners.len() {
             self.advance();
         }
         self.from.x + (y - self.from.y) * self.slope
     }
+}
+
+/// The next whole number above, or the number itself. A conversion is faster than `libm::ceil`; numbers
+/// that do not fit are far outside of any grid on the right side.
+#[inline]
+fn up(number: f64) -> i64 {
+    let whole = number as i64;
+    whole.saturating_add(i64::from(whole as f64 != number && number > 0.0))
+}
+
+/// The next whole number below, or the number itself.
+#[inline]
+fn down(number: f64) -> i64 {
+    let whole = number as i64;
+    whole.saturating_sub(i64::from(whole as f64 != number && number < 0.0))
 }
 
 /// Sets bits `from` to `to`, both included.

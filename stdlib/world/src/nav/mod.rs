@@ -1,7 +1,7 @@
 //! Driving: where a base can stand, how far it is from here to there, and on which way.
 //!
-//! A [`Map`] is made once for each version of the world and each outline of the robot
-//! ([`Footprint`], with what it carries): which cells of a grid are free at which headings, and how
+//! A [`Map`] is made once for each version of the world, on a [`Ground`] that is made once for each
+//! outline of the robot ([`Footprint`], with what it carries): which cells of a grid are free at which headings, and how
 //! far each is from the nearest obstacle. A [`Flood`] from where the robot stands answers for all
 //! places at once how far they are; [`Flood::drive`] makes one of these ways smooth. [`Costmap`]s on
 //! the same grid say which places are good to stand at.
@@ -30,7 +30,7 @@ pub use drive::{Drive, Speeds};
 pub use flood::Flood;
 pub use footprint::Footprint;
 pub use grid::Grid;
-pub use map::{Barrier, Map, Room, Settings};
+pub use map::{Barrier, Ground, Map, Room, Settings};
 
 /// Where a base stands.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]

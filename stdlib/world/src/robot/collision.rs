@@ -129,16 +129,6 @@ impl Obstacles {
         }
     }
 
-    /// True if something stands between two points.
-    #[must_use]
-    pub fn are_between(&self, from: &Point3<f64>, to: &Point3<f64>) -> bool {
-        let (low, high) = (from.coords.inf(&to.coords), from.coords.sup(&to.coords));
-        self.parts.iter().any(|part| {
-            (0..3).all(|axis| part.low[axis] <= high[axis] && part.high[axis] >= low[axis])
-                && part.body.parts[part.part].solid.is_between(&part.pose, from, to)
-        })
-    }
-
     /// How many things there are.
     #[must_use]
     pub fn len(&self) -> usize {

@@ -2,7 +2,8 @@
 //!
 //! [`urdf`] reads a file into a [`Robot`] ([`model`]), which places its links: forward kinematics.
 //! [`chain`] names its parts, [`Chains`] for the caller, [`Limbs`] for the machine, and has the
-//! Jacobian. [`ik`] inverts a chain; [`collision`] asks what touches; [`path`] goes from one
+//! Jacobian. [`ik`] inverts a chain; [`look`] turns
+//! a head to a point; [`collision`] asks what touches; [`path`] goes from one
 //! configuration to another and looks where that leads.
 //!
 //! Frames follow REP 103 and 105: X forward, Y left, Z up; a tool points along its X. The pose of a
@@ -12,6 +13,7 @@ pub mod chain;
 pub mod collision;
 pub mod error;
 pub mod ik;
+pub mod look;
 pub mod model;
 pub mod path;
 pub mod urdf;

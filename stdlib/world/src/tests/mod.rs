@@ -7,6 +7,7 @@ mod kitchen;
 mod motions;
 mod nav;
 mod path;
+mod sight;
 mod text;
 mod urdf;
 
