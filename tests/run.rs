@@ -79,6 +79,7 @@ areas! {
     edits "edits";
     limits "limits";
     replay "replay";
+    world "world";
 }
 
 #[test]

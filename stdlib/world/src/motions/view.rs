@@ -2,7 +2,9 @@
 
 use nalgebra::Isometry3;
 
+use crate::robot::model::{Joint, LinkId};
 use crate::scene::{ContainerId, ObjectId};
+use crate::setting::Machine;
 use crate::sight::{Sight, Things};
 use crate::state::State;
 
@@ -29,10 +31,14 @@ impl<'s> View<'s> {
             things.push(&state.setting.container_pose(id, state.opening(id)), &container.shapes);
             names.push(container.name.clone());
         }
-        let links = state.machine().map_or(&[][..], |machine| machine.robot.links());
-        for (link, pose) in links.iter().zip(state.links()) {
-            things.push(&pose, &link.shapes);
-            names.push(link.name.clone());
+        if let Some(machine) = state.machine() {
+            for ((id, link), pose) in machine.robot.link_ids().zip(machine.robot.links()).zip(state.links()) {
+                // A camera looks out of its head.
+                if !is_of_the_head(machine, id) {
+                    things.push(&pose, &link.shapes);
+                    names.push(link.name.clone());
+                }
+            }
         }
         let objects = things.len();
         for object in state.objects.keys() {
@@ -55,4 +61,13 @@ impl<'s> View<'s> {
         let (number, share) = sight.hidden.first()?;
         (*share > sight.outside).then(|| self.names[*number].as_str())
     }
+}
+
+/// True for what turns with the camera.
+fn is_of_the_head(machine: &Machine, link: LinkId) -> bool {
+    let Some(head) = &machine.limbs.head else { return false };
+    let pans = |joint: &Joint| joint.drive.is_some_and(|drive| drive.variable == head.pan);
+    // Joint `k` moves link `k + 1`.
+    let neck = machine.robot.joints().iter().position(pans).map(|joint| LinkId(joint + 1));
+    neck.is_some_and(|neck| machine.robot.hangs_on(link, neck))
 }
