@@ -174,12 +174,11 @@ impl World {
         Ok(self.kept.len())
     }
 
-    /// Goes back to the world that was kept as number `kept`. What goes on is stopped without a trace.
+    /// Goes back to the world that was kept as number `kept`. Motions of others that go on will be played into it.
     pub fn go_back(&mut self, kept: usize) {
         self.kept.truncate(kept);
         if let Some((state, belief, costs)) = self.kept.pop() {
             (self.state, self.belief, self.costs) = (state, belief, costs);
-            self.running.clear();
         }
     }
 

@@ -21,21 +21,36 @@ const KEY_S: f64 = 0.25;
 /// Errors of a place are cut here, as shares of the deviation.
 const MOST_ERROR: f64 = 3.0;
 
-/// The map of the state that was asked last: as long as only the base moves, it holds.
+/// Maps of the states that were asked last. As long as only the base moves, one holds; where only doors and
+/// objects are elsewhere, what never moves is not computed again.
 #[derive(Clone, Default)]
-pub struct Maps(RefCell<Option<(State, Arc<Map>)>>);
+pub struct Maps(RefCell<Vec<(State, Arc<Map>)>>);
+
+/// Outlines for which maps are kept: with parked arms, and with this or that in the hands.
+const KEPT: usize = 4;
 
 impl Maps {
     /// The map of a state.
     #[must_use]
     pub fn of(&self, state: &State) -> Arc<Map> {
-        if let Some((known, map)) = &*self.0.borrow()
-            && looks_alike(known, state)
-        {
-            return Arc::clone(map);
+        let mut known = self.0.borrow_mut();
+        if let Some(place) = known.iter().position(|(other, _)| looks_alike(other, state)) {
+            let found = known.remove(place);
+            let map = Arc::clone(&found.1);
+            known.push(found);
+            return map;
         }
-        let map = Arc::new(map_of(state));
-        *self.0.borrow_mut() = Some((state.clone(), Arc::clone(&map)));
+        let barriers = barriers(state);
+        let (room, footprint) = (room(&barriers), footprint(state));
+        let same = known.iter().rev().find(|(_, map)| *map.footprint() == footprint);
+        let map = Arc::new(match same {
+            Some((_, map)) => map.again(room, &barriers, footprint),
+            None => Map::new(room, &barriers, footprint, Settings::default()),
+        });
+        if known.len() == KEPT {
+            known.remove(0);
+        }
+        known.push((state.clone(), Arc::clone(&map)));
         map
     }
 }
@@ -49,7 +64,8 @@ fn looks_alike(a: &State, b: &State) -> bool {
         && a.objects == b.objects
 }
 
-fn map_of(state: &State) -> Map {
+/// All that is in the way of a base, in a fixed order.
+fn barriers(state: &State) -> Vec<Barrier<'_>> {
     let scene = &state.setting.scene;
     let mut barriers: Vec<Barrier<'_>> = Vec::new();
     for fixture in &scene.fixtures {
@@ -64,13 +80,13 @@ fn map_of(state: &State) -> Map {
         let shapes = &scene.kind_of(*object).shapes;
         barriers.push(Barrier { pose: state.object_pose(*object), shapes, fixed: false });
     }
-    let room = room(&barriers);
-    Map::new(room, &barriers, footprint(state), Settings::default())
+    barriers
 }
 
+/// The floor around what never moves.
 fn room(barriers: &[Barrier<'_>]) -> Room {
     let (mut low, mut high) = (Vector2::repeat(f64::INFINITY), Vector2::repeat(f64::NEG_INFINITY));
-    for barrier in barriers {
+    for barrier in barriers.iter().filter(|it| it.fixed) {
         for shape in barrier.shapes {
             let (least, most) = PosedShape { pose: barrier.pose * shape.pose, shape: shape.shape }.bounds();
             (low, high) = (low.inf(&least.xy()), high.sup(&most.xy()));
@@ -195,7 +211,7 @@ fn no_way(state: &State, why: &NoWay, goal: &Place) -> Trouble {
     }
 }
 
-/// The name of a barrier, by the order in which [`map_of`] lists them.
+/// The name of a barrier, by the order in which [`barriers`] lists them.
 fn barrier_name(state: &State, number: usize) -> String {
     let scene = &state.setting.scene;
     let (fixtures, containers) = (scene.fixtures.len(), scene.containers.len());

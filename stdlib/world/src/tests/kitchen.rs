@@ -457,3 +457,43 @@ fn the_same_seed_gives_the_same_bits() {
     // In all processes, on all machines.
     expect_test::expect!["25fd5ccaf6a28228"].assert_eq(&format!("{:x}", errand(1)));
 }
+
+#[test]
+fn belief_is_apart_from_the_truth() {
+    use crate::world::Wanted;
+    let mut errand = Errand::kitchen("pr2");
+    let cup = errand.object("cup-1");
+    errand.drive(1.2, 3.35, WEST).expect("it gets to the sink");
+    errand.go(&Motion::Looking(errand.world.state.object_pose(cup).translation.vector));
+    assert!(errand.world.belief.seen.is_empty());
+    errand.go(&Motion::Detecting(Wanted::Kind("cup".into())));
+    let (seen, truth) = (errand.world.belief.seen[&cup], errand.world.state.object_pose(cup));
+    let off = (seen.pose.translation.vector - truth.translation.vector).norm();
+    assert!(off > 1e-6 && off < 0.02, "{off}");
+    assert!((seen.at_s - errand.now_ns as f64 / 1e9).abs() < 1e-6);
+    // Somebody takes it away; the robot does not know.
+    errand.world.state.put(cup, Support::Floor, &Isometry3::translation(4.0, 1.0, 0.045));
+    errand.world.changed();
+    assert_eq!(errand.world.belief.seen[&cup], seen);
+    let why = errand.try_motion(&Motion::Detecting(Wanted::Object(cup))).expect_err("it is not there");
+    assert!(why.starts_with("object-not-found"), "{why}");
+}
+
+#[test]
+fn two_motions_at_once_have_parts_of_their_own() {
+    let mut errand = Errand::kitchen("pr2");
+    let world = &mut errand.world;
+    let (torso, torso_s) = world.begin(&Motion::MovingTorso(0.2), 0, 1);
+    let (drive, drive_s) = world.begin(&Motion::Going(vec![Place::new(1.6, 3.0, 0.0)]), 0, 2);
+    let (second, _) = world.begin(&Motion::MovingTorso(0.1), 0, 3);
+    world.end(second, 500_000_000);
+    assert!(matches!(world.take_end(second), Some(Ended::Failed(trouble)) if trouble.kind == "robot-busy"));
+    world.end(drive, (drive_s * 1e9) as u64 + 1);
+    world.end(torso, (torso_s * 1e9) as u64 + 1);
+    assert!(matches!(world.take_end(drive), Some(Ended::Done(_))));
+    assert!(matches!(world.take_end(torso), Some(Ended::Done(_))));
+    let state = &errand.world.state;
+    assert!((state.base.translation.y - 3.0).abs() < 0.02);
+    let lift = state.machine().and_then(|it| it.limbs.torso).expect("it has a torso");
+    assert!((state.joints[lift.index()] - 0.2).abs() < 1e-9);
+}
