@@ -1,9 +1,9 @@
-//! Turns `src/grammar.lalrpop` into the tables of the parser.
+//! Turns `src/grammar.lalrpop` and `src/prolog.lalrpop` into the tables of the parsers.
 
 fn main() {
     lalrpop::Configuration::new()
         .use_cargo_dir_conventions()
         .emit_rerun_directives(true)
         .process_dir("src")
-        .expect("src/grammar.lalrpop is a grammar");
+        .expect("the files in src are grammars");
 }

@@ -23,8 +23,10 @@ pub struct File {
     folder: Option<PathBuf>,
 }
 
-/// Files larger than this are not read, in bytes.
+/// Files of programs larger than this are not read, in bytes.
 const LARGEST: u64 = 64 << 20;
+/// Nor files of data larger than this.
+const LARGEST_DATA: u64 = 2 << 30;
 
 impl Files {
     /// Adds a text that is not from a file.
@@ -61,6 +63,21 @@ impl Files {
         Ok(Source { file, text, key })
     }
 
+    /// Reads a program of the user's. Prolog text is one that uses its rules and does nothing else.
+    ///
+    /// # Errors
+    /// A sentence that says why it cannot be read, or where it is no text.
+    pub fn read_program(&mut self, path: &Path) -> Result<Source, String> {
+        let name = path.file_name().and_then(|name| name.to_str());
+        let Some(rules) = name.filter(|name| name.ends_with(".pl")) else { return self.read(path) };
+        read_text(path)?;
+        let text = format!("(use-rules {})", vm::print::quoted(rules));
+        let folder = path.parent().map(Path::to_path_buf);
+        let file = self.push(&format!("the rules of {}", path.display()), text.clone(), folder);
+        let key = format!("{}#rules", path.display());
+        Ok(Source { file, text, key })
+    }
+
     /// Line and column, from 1, of a byte in a file.
     #[must_use]
     pub fn line_column(&self, file: FileId, at: u32) -> Option<(usize, usize)> {
@@ -87,21 +104,30 @@ impl Files {
 /// # Errors
 /// A sentence for the user.
 pub fn read_text(path: &Path) -> Result<String, String> {
+    read_up_to(path, LARGEST)
+}
+
+/// Reads a file of data, which may be larger, as text.
+pub(crate) fn read_large_text(path: &Path) -> Result<String, String> {
+    read_up_to(path, LARGEST_DATA)
+}
+
+fn read_up_to(path: &Path, largest: u64) -> Result<String, String> {
     let name = path.display();
     let cannot = |error: std::io::Error| format!("cannot read {name}: {}", why(&error));
     let about = std::fs::metadata(path).map_err(cannot)?;
     if about.is_dir() {
         return Err(format!("cannot read {name}: it is a folder"));
     }
-    if about.len() > LARGEST {
-        return Err(format!("cannot read {name}: it has {} bytes, more than {LARGEST}", about.len()));
+    if about.len() > largest {
+        return Err(format!("cannot read {name}: it has {} bytes, more than {largest}", about.len()));
     }
     let file = std::fs::File::open(path).map_err(cannot)?;
     let mut bytes = Vec::new();
     // A device or a pipe may have more than its size says.
-    file.take(LARGEST + 1).read_to_end(&mut bytes).map_err(cannot)?;
-    if bytes.len() as u64 > LARGEST {
-        return Err(format!("cannot read {name}: it has more than {LARGEST} bytes"));
+    file.take(largest + 1).read_to_end(&mut bytes).map_err(cannot)?;
+    if bytes.len() as u64 > largest {
+        return Err(format!("cannot read {name}: it has more than {largest} bytes"));
     }
     String::from_utf8(bytes).map_err(|error| {
         let at = error.utf8_error().valid_up_to();
@@ -135,7 +161,8 @@ impl Loader for Files {
             return Ok(Source { file, text: (*text).to_string(), key: name.into() });
         }
         let folder = self.get(from).and_then(|file| file.folder.clone()).unwrap_or_default();
-        let file_name = if name.ends_with(".plan") { name.to_string() } else { format!("{name}.plan") };
+        let has_ending = name.ends_with(".plan") || name.ends_with(".pl");
+        let file_name = if has_ending { name.to_string() } else { format!("{name}.plan") };
         let path = folder.join(&file_name);
         match path.exists() {
             true => self.read(&path),

@@ -10,7 +10,11 @@
 //! ```
 
 pub mod files;
+mod import;
+pub mod query;
+pub mod read;
 pub mod render;
 pub mod session;
 
+pub use query::{Answer, Answers, Explained, Question};
 pub use session::{Ended, Options, Run, Session};

@@ -259,12 +259,12 @@ impl Session {
         render::report(&self.files, report, self.style)
     }
 
-    /// Loads a file as the user's program.
+    /// Loads a file as the user's program: a plan file, or the rules of Prolog text that ends in `.pl`.
     ///
     /// # Errors
     /// A sentence that says why the file cannot be read.
     pub fn load_file(&mut self, path: &Path) -> Result<Loaded, String> {
-        let source = self.files.read(path)?;
+        let source = self.files.read_program(path)?;
         let Session { files, front, machine, .. } = self;
         let loaded = front.load(&mut machine.program, files, &source);
         self.module = self.front.module_of(&source.key).unwrap_or(self.module);
@@ -293,7 +293,7 @@ impl Session {
     /// # Errors
     /// A sentence that says why the file cannot be read.
     pub fn extend_file(&mut self, path: &Path) -> Result<Loaded, String> {
-        let source = self.files.read(path)?;
+        let source = self.files.read_program(path)?;
         let Session { files, front, machine, module, .. } = self;
         Ok(front.extend(&mut machine.program, files, *module, source.file, &source.text))
     }
@@ -332,11 +332,20 @@ impl Session {
 
     /// Goes on with what the machine does, until it ends or until `stop` units of fuel are used.
     pub fn go(&mut self, output: &mut dyn Output, stop: Option<u64>) -> Progress {
+        self.with_door(output, |machine, door| machine.go(door, stop))
+    }
+
+    /// The machine at work, and what it may ask of the outside.
+    pub(crate) fn with_door<T>(
+        &mut self,
+        output: &mut dyn Output,
+        work: impl FnOnce(&mut Machine, &mut dyn Host) -> T,
+    ) -> T {
         let Session { front, machine, sealed, log_ended, real_time, .. } = self;
         let grants = machine.grants.clone();
         let mut door =
             Door { front, grants: &grants, output, sealed: *sealed, log_ended, real_time: *real_time };
-        machine.go(&mut door, stop)
+        work(machine, &mut door)
     }
 
     /// Uses what came from outside in an earlier run instead of asking again.
@@ -362,12 +371,19 @@ impl Session {
         self.run_call(loaded, call.as_deref(), output)
     }
 
-    /// Runs what a text gave: its top-level forms, then the form `call`; without one the plan
-    /// `main`, where there is one.
-    pub fn run_call(&mut self, loaded: Loaded, call: Option<&str>, output: &mut dyn Output) -> Ended {
+    /// Runs the top-level forms of what a text gave, and no plan.
+    pub fn load_only(&mut self, loaded: Loaded, output: &mut dyn Output) -> Ended {
         if !loaded.reports.iter().all(Report::is_warning) {
             return Ended::Errors(loaded.reports);
         }
+        let ended = self.run_forms(loaded, output);
+        if let Ended::Ran(outcome) = &ended {
+            self.machine.finish(outcome);
+        }
+        ended
+    }
+
+    fn run_forms(&mut self, loaded: Loaded, output: &mut dyn Output) -> Ended {
         let mut last = Value::NIL;
         for init in loaded.init {
             match self.call_until(init, Vec::new(), output) {
@@ -379,6 +395,19 @@ impl Session {
                 Progress::Stopped => return Ended::Stopped,
             }
         }
+        Ended::Ran(Ok(last))
+    }
+
+    /// Runs what a text gave: its top-level forms, then the form `call`; without one the plan
+    /// `main`, where there is one.
+    pub fn run_call(&mut self, loaded: Loaded, call: Option<&str>, output: &mut dyn Output) -> Ended {
+        if !loaded.reports.iter().all(Report::is_warning) {
+            return Ended::Errors(loaded.reports);
+        }
+        let last = match self.run_forms(loaded, output) {
+            Ended::Ran(Ok(last)) => last,
+            ended => return ended,
+        };
         let main = self.plan("main").map(|_| "(main)");
         let Some(call) = call.or(main) else {
             self.machine.finish(&Ok(last.clone()));

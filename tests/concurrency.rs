@@ -19,12 +19,19 @@ use vm::machine::Progress;
 use vm::random::mix;
 use vm::value::Value;
 
+use crate::oracle::both::{Verdict, compare};
+use crate::oracle::seeds::report_of;
 use crate::oracle::shrink::shrink;
-use crate::oracle::text;
+use crate::oracle::{text, with_large_stack};
 use random::{HEAD, random_program};
 
 /// How many programs are run.
 const PROGRAMS: u64 = 2_400;
+/// How many are compared with the oracle.
+const COMPARED: u64 = 4_000;
+/// FIXME: so many of these still differ (seed 2885): what an edit puts before a call that is put off, where a
+/// handler performs that again. To be settled as [`crate::agreement`] says; then this is 0.
+const MOST_COMPARED_DIFFERENT: usize = 1;
 /// How many of these may use up their fuel: they hold what invariants say of trees, and no more.
 const MOST_ENDLESS: usize = 60;
 const FUEL: u64 = 200_000;
@@ -288,4 +295,58 @@ fn concurrent_reports() {
             Err(problem) => println!("{}", report(seed, &path, &problem)),
         }
     }
+}
+
+/// What differs between machine and oracle in the programs of some seeds: how many were compared, how many
+/// were not and why, and which differ.
+fn compared(seeds: Range<u64>) -> (u64, BTreeMap<String, u64>, Vec<u64>) {
+    let path = file().0;
+    let (mut same, mut not, mut different) = (0, BTreeMap::new(), Vec::new());
+    for seed in seeds {
+        let program = format!("{HEAD}{}", random_program(seed, &path));
+        match compare(&program, seed) {
+            Verdict::Same(_) => same += 1,
+            Verdict::Different(..) => different.push(seed),
+            Verdict::Errors(errors) => panic!("seed {seed} has errors:\n{errors}\n{program}"),
+            Verdict::NotCompared(why) => *not.entry(why).or_insert(0) += 1,
+        }
+    }
+    (same, not, different)
+}
+
+#[test]
+fn machine_and_oracle_agree_on_random_concurrent_programs() {
+    with_large_stack(|| {
+        let (same, not, different) = compared(0..COMPARED);
+        assert!(same * 10 > COMPARED * 9, "only {same} programs could be compared: {not:?}");
+        println!("{} programs differ: {different:?}", different.len());
+        if different.len() > MOST_COMPARED_DIFFERENT {
+            let seed = &different[0];
+            let report = report_of(HEAD, &random_program(*seed, &file().0), *seed);
+            panic!("{} programs differ: {different:?}, the first of them:\n{report}", different.len());
+        }
+    });
+}
+
+/// `SEEDS="8 44" cargo test --test language concurrent_differences -- --ignored --nocapture` shows what both
+/// make of some programs, `SEEDS=5000..9000` which of so many differ, and of a few of them how.
+#[test]
+#[ignore = "a tool for whoever looks for a difference"]
+fn concurrent_differences() {
+    const SHOWN: usize = 8;
+    with_large_stack(|| {
+        let seeds = std::env::var("SEEDS").unwrap_or_default();
+        let seeds: Vec<u64> = match seeds.split_once("..") {
+            Some((from, to)) => {
+                let number = |text: &str| text.parse().expect("a seed is a number");
+                let (same, not, different) = compared(number(from)..number(to));
+                println!("{same} the same, not compared {not:?}, {} differ: {different:?}", different.len());
+                different.into_iter().take(SHOWN).collect()
+            }
+            None => seeds.split_whitespace().filter_map(|seed| seed.parse().ok()).collect(),
+        };
+        for seed in seeds {
+            println!("{}", report_of(HEAD, &random_program(seed, &file().0), seed));
+        }
+    });
 }

@@ -65,13 +65,14 @@ fn codes_in(source: &str) -> BTreeSet<String> {
 }
 
 /// Codes that need a text too large, or bytes that are no text, or a bug of ours.
-const GENERATED: [&str; 7] = [
+const GENERATED: [&str; 8] = [
     "parse::too_deep",
     "parse::too_large",
     "parse::too_many",
     "parse::utf8",
     "parse::internal",
     "limit::registers",
+    "limit::clause",
     "limit::nesting",
 ];
 
@@ -159,6 +160,35 @@ fn a_function_has_room_for_so_many_variables() {
     let text = |n: usize| format!("(def-fun f () (let* ({}) (+ v0 v{})))", names(n), n - 1);
     assert_eq!(codes(&text(200)), [""; 0]);
     assert_eq!(codes(&text(300)).first().map(String::as_str), Some("limit::registers"));
+}
+
+#[test]
+fn a_clause_has_room_for_so_many_variables() {
+    let names = |n: usize| (0..n).map(|i| format!("?v{i} ?v{i} ")).collect::<String>();
+    let text = |n: usize| format!("(def-rules r (<- (p ({}))))", names(n));
+    assert_eq!(codes(&text(60)), [""; 0]);
+    assert_eq!(codes(&text(400)), ["limit::clause"]);
+    let many = (0..20_000).map(|i| format!("(p ?v{i} ?v{i})")).collect::<String>();
+    assert_eq!(codes(&format!("(def-rules r (<- (p ?x ?x) {many}))")), ["limit::clause"]);
+}
+
+#[test]
+fn rules_nest_as_deep_as_texts_and_may_be_long() {
+    let most = grammar::parse::MAX_DEPTH;
+    let deep = |open: &str, n: usize| {
+        format!("(def-open q 1) (def-rules r (<- (p ?x) {}(q ?x){}))", open.repeat(n), ")".repeat(n))
+    };
+    assert_eq!(codes(&deep("(and ", most - 10)), [""; 0]);
+    assert!(codes(&deep("(not ", most + 10)).contains(&"parse::too_deep".to_string()));
+    let row = |head: &str, part: &str, n: usize| {
+        format!("(def-open q 1) (def-rules r (<- (p ?x) ({head} {})))", part.repeat(n))
+    };
+    assert_eq!(codes(&row("and", "(q ?x) ", 20_000)), [""; 0]);
+    assert_eq!(codes(&row("or", "(q ?x) ", 5_000)), [""; 0]);
+    assert_eq!(codes(&row("q (f", "?x ", 5_000).replace(")))", "))))")), ["rule::term"]);
+    assert_eq!(codes(&row("is ?x (+", "1 ", 5_000).replace(")))", "))))")), ["rule::term"]);
+    let facts = (0..20_000).map(|i| format!("(edge n{i} {i})")).collect::<String>();
+    assert_eq!(codes(&format!("(def-facts f {facts})")), [""; 0]);
 }
 
 #[test]

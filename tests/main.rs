@@ -2,13 +2,14 @@
 //!
 //! [`run`] runs the programs under `run/`, each also under the [`treatments`]; [`diagnostics`]
 //! the mistakes under `diagnostics/`; [`docs`] all programs in documents and docstrings;
-//! [`written`] reads back random values; [`limits`] what needs a program too large to be written; [`arrows`] reads the manifests.
+//! [`clauses`] prints rules as the machine gets them; [`written`] reads back random values, [`saved`] trees of runs; [`limits`] what needs a program too large to be written; [`arrows`] reads the manifests.
 //! Only [`program`] knows how a program is loaded and run.
 //!
 //! `UPDATE_EXPECT=1` writes what came out over what was expected: read the difference.
 
 mod agreement;
 mod arrows;
+mod clauses;
 mod cmd;
 mod concurrency;
 mod diagnostics;
@@ -21,6 +22,8 @@ mod limits;
 mod oracle;
 mod program;
 mod repl;
+mod rules;
 mod run;
+mod saved;
 mod treatments;
 mod written;

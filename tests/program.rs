@@ -72,7 +72,7 @@ impl Program {
             path: path.into(),
             options: Options::default(),
             treated: true,
-            compared: !text.contains("(use ") && !text.contains(";! allow"),
+            compared: !text.contains("(use ") && !text.contains("(use-rules ") && !text.contains(";! allow"),
             text: text.clone(),
         };
         // An expectation does not depend on the limits of the machine that runs it.
@@ -128,6 +128,14 @@ impl Program {
         };
         let steps = session.machine.steps() - before;
         ran(&session, ended, printed, diagnostics, steps)
+    }
+
+    /// A session in which the program has run, unless it has errors.
+    pub fn session(&self) -> Session {
+        let mut session = Session::new(self.options.clone());
+        let loaded = session.load_file(&self.path).unwrap_or_else(|why| panic!("{why}"));
+        session.run(loaded, None, &mut String::new());
+        session
     }
 
     /// Runs the program for so many units of fuel and no further. The log of what came from outside.

@@ -79,6 +79,7 @@ areas! {
     edits "edits";
     limits "limits";
     replay "replay";
+    rules "rules";
     world "world";
 }
 

@@ -102,5 +102,10 @@ fn formatted(path: &Path) -> PathBuf {
         std::fs::create_dir_all(copy.parent().expect("it has a folder")).expect("folders can be made");
         std::fs::write(&copy, text).expect("files can be written");
     }
+    for file in files_below(folder, ".pl") {
+        let copy = target.join(file.strip_prefix(folder).expect("it is below"));
+        std::fs::create_dir_all(copy.parent().expect("it has a folder")).expect("folders can be made");
+        std::fs::copy(&file, &copy).expect("files can be copied");
+    }
     target.join(name)
 }

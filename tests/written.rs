@@ -4,6 +4,7 @@
 use std::collections::BTreeMap;
 
 use grammar::{FileId, FormKind};
+use pleach::read::Reader;
 use pleach::{Options, Session};
 use proptest::prelude::*;
 use vm::desc::{Desc, KINDS};
@@ -22,9 +23,11 @@ fn check_reads_back(values: &[Value]) {
     let expression = |value: &Value| format!("{}{}", if is_data(value) { "'" } else { "" }, write(value));
     let text = values.iter().map(|value| expression(value) + "\n").collect::<String>();
     let read = run(&format!("(list\n{text})")).unwrap_or_else(|why| panic!("{why}\n{text}"));
+    let reader = Reader::default();
     for (value, read) in values.iter().zip(read.to_vec().expect("it is a list")) {
         assert_eq!(write(value), write(&read));
         assert!(*value == read, "{}", write(value));
+        assert!(*value == reader.value(&write(value)), "{}", write(value));
     }
 }
 

@@ -7,8 +7,9 @@ use vm::value::{Symbol, Value};
 use crate::ast::{Callee, Expr, ExprKind, Function, VarId};
 use crate::data::{Places, move_to, to_form};
 use crate::error::CompileError;
-use crate::module::{Definition, Meaning, ModuleId, Use};
+use crate::module::{Definition, Meaning, ModuleId, Use, predicate_key};
 use crate::resolve::{ParamForms, Scope, special};
+use crate::rules::declare::{self, Group};
 use crate::{Compiler, Loader, Pending, Report, Source};
 
 /// What compiling a text gave.
@@ -40,14 +41,18 @@ enum Init {
 }
 
 /// Work on one text.
-struct Text {
-    module: ModuleId,
+pub(crate) struct Text {
+    pub(crate) module: ModuleId,
     /// Definitions may replace earlier ones, as in a REPL.
-    again: bool,
+    pub(crate) again: bool,
     init: Vec<Init>,
     functions: Vec<FnId>,
     /// Functions that are defined again with other parameters, or as a plan.
     changed: Vec<FnId>,
+    /// Rules and facts whose predicates are not declared yet, with the modules of the macros around them.
+    pub(crate) rules: Vec<(Form, Vec<ModuleId>)>,
+    /// Rules and facts whose clauses are not resolved yet.
+    pub(crate) groups: Vec<Group>,
 }
 
 impl Compiler<'_> {
@@ -82,12 +87,21 @@ impl Compiler<'_> {
             return Vec::new();
         }
         let mut init = Vec::new();
-        let mut work = Text { module, again, init: Vec::new(), functions: Vec::new(), changed: Vec::new() };
+        let mut work = Text {
+            module,
+            again,
+            init: Vec::new(),
+            functions: Vec::new(),
+            changed: Vec::new(),
+            rules: Vec::new(),
+            groups: Vec::new(),
+        };
         let mut forms = Vec::new();
         for form in parsed.forms {
             match form.head().as_ref().map(|head| head.as_str()) {
                 Some("module") => self.module_head(module, &form),
                 Some("use") => init.extend(self.use_(loader, module, &form)),
+                Some("use-rules") => forms.extend(self.use_rules(loader, &form)),
                 _ => forms.push(form),
             }
         }
@@ -99,15 +113,21 @@ impl Compiler<'_> {
                 self.declare_form(&mut work, form);
             }
         }
+        self.declare_groups(&mut work);
         for (form, declared) in forms.into_iter().zip(declared) {
             if !declared {
                 self.top_form(&mut work, form, 0);
             }
         }
+        self.declare_groups(&mut work);
         for id in std::mem::take(&mut work.functions) {
             self.compile(id);
         }
         self.compile_callers(&std::mem::take(&mut work.changed));
+        self.texts += 1;
+        for group in std::mem::take(&mut work.groups) {
+            self.resolve_group(&group, self.texts);
+        }
         init.extend(self.inits(&mut work, file));
         self.close_opens();
         init
@@ -175,6 +195,26 @@ impl Compiler<'_> {
         init
     }
 
+    /// `(use-rules "file.pl")`: the definitions that Prolog text is read as.
+    fn use_rules(&mut self, loader: &mut dyn Loader, form: &Form) -> Vec<Form> {
+        let items = form.list().unwrap_or_default();
+        let [_, Form { kind: FormKind::Str(name), span: at }] = items else {
+            self.misshapen_top(form, "takes the name of a file as a string");
+            return Vec::new();
+        };
+        match loader.load(name, form.span.file) {
+            Ok(source) => {
+                let parsed = grammar::prolog::parse(source.file, short_name(name), &source.text);
+                self.reports.extend(parsed.errors.into_iter().map(Report::Parse));
+                parsed.forms
+            }
+            Err(help) => {
+                self.error(CompileError::ModuleMissing { name: name.to_string(), at: *at, help: Some(help) });
+                Vec::new()
+            }
+        }
+    }
+
     /// Names after `:only` must be there.
     fn check_only(&mut self, used: ModuleId, items: &[Form]) {
         let is_only = |item: &Form| matches!(&item.kind, FormKind::Keyword(key) if *key == "only");
@@ -182,7 +222,9 @@ impl Compiler<'_> {
         for item in list.list().unwrap_or_default() {
             let Some(name) = item.symbol() else { continue };
             let module = self.modules.get(used);
-            if module.names.contains_key(&name) && !crate::module::is_private(name) {
+            let is_predicate = |key: &Symbol| predicate_key(*key).is_some_and(|(known, _)| name == known);
+            let is_known = module.names.contains_key(&name) || module.names.keys().any(is_predicate);
+            if is_known && !crate::module::is_private(name) {
                 continue;
             }
             let near = crate::module::nearest(&name, module.names.keys().map(|name| name.as_str()));
@@ -223,7 +265,7 @@ impl Compiler<'_> {
         Some((module, init))
     }
 
-    fn misshapen_top(&mut self, form: &Form, problem: &str) {
+    pub(crate) fn misshapen_top(&mut self, form: &Form, problem: &str) {
         let name = form.head().unwrap_or_default();
         let shape = special::SHAPES.iter().find(|(known, _)| name == *known).map_or("", |(_, shape)| shape);
         let (problem, shape, form_name) = (problem.into(), shape.into(), name.to_string());
@@ -263,6 +305,9 @@ impl Compiler<'_> {
     fn declare_form(&mut self, work: &mut Text, form: &Form) {
         let items = form.list().unwrap_or_default();
         let head = form.head().unwrap_or_default();
+        if declare::DEFINITIONS.contains(&head.as_str()) {
+            return self.declare_rules(work, form);
+        }
         let Some(name) = items.get(1).and_then(Form::symbol) else {
             return self.misshapen_top(form, "needs a symbol as name");
         };
@@ -627,11 +672,12 @@ impl Compiler<'_> {
 /// What people call a file: its name without folders and ending.
 fn short_name(key: &str) -> &str {
     let name = key.rsplit(['/', '\\']).next().unwrap_or(key);
-    name.strip_suffix(".plan").unwrap_or(name)
+    [".plan", ".pl"].into_iter().find_map(|end| name.strip_suffix(end)).unwrap_or(name)
 }
 
 fn is_definition(form: &Form) -> bool {
-    form.head().is_some_and(|head| DEFINITIONS.contains(&head.as_str()))
+    let defines = |head: &str| DEFINITIONS.contains(&head) || declare::DEFINITIONS.contains(&head);
+    form.head().is_some_and(|head| defines(&head))
 }
 
 /// A text before other forms is the documentation.

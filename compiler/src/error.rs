@@ -339,6 +339,209 @@ pub enum CompileError {
         action: Span,
     },
 
+    /// A goal whose predicate is not there.
+    #[error("no predicate is called `{name}`")]
+    #[diagnostic(code(rule::unknown_predicate))]
+    UnknownPredicate {
+        /// The name.
+        name: String,
+        /// Where it stands.
+        #[label("not a goal")]
+        at: Span,
+        /// The nearest name, or what else has this name.
+        #[help]
+        help: Option<String>,
+    },
+
+    /// A goal or head with a number of arguments that its predicate does not have.
+    #[error("`{name}` takes {has}, got {got}")]
+    #[diagnostic(code(rule::arity))]
+    PredicateArity {
+        /// The predicate, or the goal of the language.
+        name: String,
+        /// The numbers of arguments that there are.
+        has: String,
+        /// How many are given.
+        got: usize,
+        /// The goal.
+        #[label("here")]
+        at: Span,
+        /// How it is written.
+        #[help]
+        help: Option<String>,
+    },
+
+    /// Something that is no goal.
+    #[error("{what} is no goal")]
+    #[diagnostic(code(rule::goal))]
+    NotAGoal {
+        /// What stands there.
+        what: String,
+        /// Where.
+        #[label("a goal is expected here")]
+        at: Span,
+        /// What to write.
+        #[help]
+        help: Option<String>,
+    },
+
+    /// Something that cannot be a term.
+    #[error("{problem}")]
+    #[diagnostic(code(rule::term))]
+    NotATerm {
+        /// What is wrong.
+        problem: String,
+        /// Where.
+        #[label("here")]
+        at: Span,
+        /// What to write.
+        #[help]
+        help: Option<String>,
+    },
+
+    /// A plan, or a form of plans, as a goal.
+    #[error("{what} cannot stand in a rule: rules compute, they do not act")]
+    #[diagnostic(code(rule::plan_form))]
+    PlanForm {
+        /// What it is.
+        what: String,
+        /// Where it stands.
+        #[label("not a goal")]
+        at: Span,
+        /// What to write instead.
+        #[help]
+        help: Option<String>,
+    },
+
+    /// A function that does more than compute, called by a rule.
+    #[error("a rule calls `{name}`, which {why}")]
+    #[diagnostic(
+        code(rule::impure),
+        help("let the rule say what is needed, and do it in the plan that asks the rule")
+    )]
+    Impure {
+        /// The function.
+        name: String,
+        /// What it does.
+        why: String,
+        /// The call.
+        #[label("only functions that compute can be called here")]
+        at: Span,
+    },
+
+    /// A variable that could as well not be there.
+    #[error("the variable `{name}` occurs only once in its clause")]
+    #[diagnostic(
+        code(rule::singleton),
+        severity(Warning),
+        help("write `?_` if its value does not matter, or a name that begins with `?_`")
+    )]
+    Singleton {
+        /// The variable.
+        name: String,
+        /// Where it occurs.
+        #[label("nothing else in the clause has this name")]
+        at: Span,
+    },
+
+    /// A clause, or goals of one, that cannot be reached.
+    #[error("{what} is never reached")]
+    #[diagnostic(code(rule::unreachable), severity(Warning))]
+    Unreachable {
+        /// What it is.
+        what: String,
+        /// Where it stands.
+        #[label(primary, "never reached")]
+        at: Span,
+        /// Why, in a few words.
+        because: String,
+        /// What stands in the way.
+        #[label("{because}")]
+        of: Span,
+        /// What to do.
+        #[help]
+        help: Option<String>,
+    },
+
+    /// A goal that needs values, over a variable that has none yet.
+    #[error("`{form}` needs `{name}`, and nothing before it gives `{name}` a value")]
+    #[diagnostic(
+        code(rule::floundering),
+        help("put the goal that finds `{name}` before this one; if any value will do, write `?_`")
+    )]
+    Floundering {
+        /// The goal's head.
+        form: String,
+        /// The variable.
+        name: String,
+        /// The goal.
+        #[label("`{name}` has no value here")]
+        at: Span,
+    },
+
+    /// A cut that would throw away what a table needs.
+    #[error("a cut follows a call of `{name}`, which is tabled")]
+    #[diagnostic(
+        code(rule::table_cut),
+        help(
+            "a table needs all answers: find them first, for example with `findall`, or put the cut before the call"
+        )
+    )]
+    TableCut {
+        /// The tabled predicate.
+        name: String,
+        /// The cut.
+        #[label(primary, "this cut")]
+        at: Span,
+        /// The call.
+        #[label("would end this call too early")]
+        call: Span,
+    },
+
+    /// A cut inside of a goal that it cannot leave.
+    #[error("a cut cannot leave `{inside}`")]
+    #[diagnostic(code(rule::cut), help("write `once` around what is to be found once, or move the cut out"))]
+    CutInside {
+        /// The goal around it.
+        inside: String,
+        /// The cut.
+        #[label("here")]
+        at: Span,
+    },
+
+    /// Clauses of one predicate in two places, though it is not open.
+    #[error("`{name}` has clauses in two places")]
+    #[diagnostic(
+        code(rule::not_open),
+        help("put them into one `def-rules`, or declare that it may have clauses anywhere: {open}")
+    )]
+    NotOpen {
+        /// The predicate.
+        name: String,
+        /// The declaration that would allow it.
+        open: String,
+        /// The second place.
+        #[label(primary, "again here")]
+        again: Span,
+        /// The first one.
+        #[label("first here")]
+        first: Span,
+    },
+
+    /// A variable of a query that has no value and is not asked for.
+    #[error("`{name}` has no value here")]
+    #[diagnostic(code(rule::unbound))]
+    Unbound {
+        /// The variable.
+        name: String,
+        /// Where it stands.
+        #[label("neither bound nor asked for")]
+        at: Span,
+        /// What to do.
+        #[help]
+        help: Option<String>,
+    },
+
     /// A macro that failed.
     #[error("the macro `{name}` failed: {why}")]
     #[diagnostic(code(expand::failed))]
@@ -460,6 +663,17 @@ pub enum CompileError {
         at: Span,
     },
 
+    /// A clause that needs more room than there is.
+    #[error("the clause needs more than {limit} variables and intermediate values at once")]
+    #[diagnostic(code(limit::clause), help("move some of its goals into a rule of their own"))]
+    ClauseTooLarge {
+        /// The limit.
+        limit: usize,
+        /// The clause.
+        #[label("no room for this")]
+        at: Span,
+    },
+
     /// Forms nested too deep, after expansion.
     #[error("forms are nested more than {limit} deep")]
     #[diagnostic(code(limit::nesting), help("move the inner part into a function of its own"))]
@@ -500,6 +714,19 @@ impl CompileError {
             | E::DescProperty { at, .. }
             | E::DescDuplicate { again: at, .. }
             | E::Misplaced { at, .. }
+            | E::UnknownPredicate { at, .. }
+            | E::PredicateArity { at, .. }
+            | E::NotAGoal { at, .. }
+            | E::NotATerm { at, .. }
+            | E::PlanForm { at, .. }
+            | E::Impure { at, .. }
+            | E::Singleton { at, .. }
+            | E::Unreachable { at, .. }
+            | E::Floundering { at, .. }
+            | E::TableCut { at, .. }
+            | E::CutInside { at, .. }
+            | E::NotOpen { again: at, .. }
+            | E::Unbound { at, .. }
             | E::MacroFailed { at, .. }
             | E::ExpandedTooDeep { at, .. }
             | E::ExpandedTooOften { at, .. }
@@ -509,6 +736,7 @@ impl CompileError {
             | E::ModuleCycle { at, .. }
             | E::NoSuchNative { at, .. }
             | E::TooManyRegisters { at, .. }
+            | E::ClauseTooLarge { at, .. }
             | E::TooDeep { at, .. } => *at,
         }
     }
@@ -516,7 +744,8 @@ impl CompileError {
     /// True for those that do not keep the program from running.
     #[must_use]
     pub fn is_warning(&self) -> bool {
-        matches!(self, CompileError::Misplaced { .. })
+        use CompileError as E;
+        matches!(self, E::Misplaced { .. } | E::Singleton { .. } | E::Unreachable { .. })
     }
 }
 

@@ -3,7 +3,8 @@
 //! A file goes through four steps. Its definitions are *declared* ([`define`]), so that it may
 //! use names that stand further down; each function is *resolved* from forms to [`ast`]
 //! ([`resolve`]), macros being *expanded* on the way ([`expand`]); the AST is *lowered* to
-//! instructions ([`lower`]). Functions that a macro needs are compiled before the rest.
+//! instructions ([`lower`]). Functions that a macro needs are compiled before the rest. Rules become
+//! clauses ([`rules`]).
 //!
 //! The compiler does no input or output: files come from a [`Loader`].
 
@@ -17,6 +18,7 @@ mod lower;
 pub mod module;
 pub mod pages;
 mod resolve;
+mod rules;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::rc::Rc;
@@ -27,12 +29,14 @@ use vm::code::{FnId, FnKind, Function as Proto, GlobalId, Params, Place, Program
 use vm::host::CodeRequest;
 use vm::limits::{Grants, Limits};
 use vm::machine::Machine;
+use vm::rules::clause::PredId;
 use vm::value::Symbol;
 
 pub use define::Loaded;
 pub use error::CompileError;
 use module::{ModuleId, Modules};
 use resolve::ParamForms;
+pub use rules::query::CompiledGoal;
 
 /// A file that a program uses.
 pub struct Source {
@@ -107,6 +111,12 @@ pub struct Front {
     /// The function that computes each constant.
     constants: BTreeMap<GlobalId, FnId>,
     expander: Expander,
+    /// Predicates that may have clauses anywhere.
+    open_predicates: BTreeSet<PredId>,
+    /// Groups of rules and facts by their names, for a REPL that defines them again.
+    groups: BTreeMap<(ModuleId, Symbol), rules::declare::Known>,
+    /// How many texts there have been: clauses of later ones come first.
+    texts: u32,
     loaded: BTreeMap<String, ModuleId>,
     /// Files being loaded, outermost first.
     loading: Vec<String>,
@@ -149,6 +159,9 @@ impl Default for Front {
             opens: BTreeMap::new(),
             constants: BTreeMap::new(),
             expander: Expander { machine, computed: BTreeSet::new() },
+            open_predicates: BTreeSet::new(),
+            groups: BTreeMap::new(),
+            texts: 0,
             loaded: BTreeMap::new(),
             loading: Vec::new(),
         }
@@ -175,6 +188,10 @@ pub(crate) struct Compiler<'p> {
     depth: usize,
     /// What expanding macros has taken so far.
     taken: expand::Taken,
+    /// Clauses that reach the program if there are no errors.
+    staged: Vec<rules::Staged>,
+    /// Functions that rules call.
+    called: Vec<rules::Called>,
 }
 
 impl std::ops::Deref for Compiler<'_> {
@@ -380,10 +397,22 @@ impl Front {
             mentioned: Vec::new(),
             depth: 0,
             taken: expand::Taken::default(),
+            staged: Vec::new(),
+            called: Vec::new(),
         };
         let init = work(&mut compiler);
+        compiler.check_called();
+        if compiler.reports.iter().all(Report::is_warning) {
+            let staged = std::mem::take(&mut compiler.staged);
+            staged.into_iter().for_each(|staged| staged.apply(&mut compiler.program.rules));
+        }
+        compiler.link_rules();
         let mut reports = compiler.reports;
         reports.sort_by_key(|report| (report.span().file, report.span().start, report.span().end));
+        if reports.len() > MOST_REPORTS && !reports.iter().all(Report::is_warning) {
+            // Warnings must not hide the errors.
+            reports.retain(|report| !report.is_warning());
+        }
         if reports.len() > MOST_REPORTS && !reports.iter().all(Report::is_warning) {
             let (more, at) = (reports.len() - MOST_REPORTS, reports[MOST_REPORTS - 1].span());
             reports.truncate(MOST_REPORTS);
@@ -406,6 +435,12 @@ impl Front {
             _ => None,
         }
     }
+}
+
+/// Names and shapes of the goals that the language has, for completion and documentation.
+#[must_use]
+pub fn goal_forms() -> &'static [(&'static str, &'static str)] {
+    rules::goal::SHAPES
 }
 
 /// Names and shapes of all special forms, for completion and documentation.

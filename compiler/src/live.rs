@@ -5,16 +5,18 @@
 //! them, or makes a plan of a function, its callers are compiled again from their forms, which are
 //! kept for this. A caller that does not fit any more becomes a function that fails and says why.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::rc::Rc;
 
 use grammar::{FileId, Form, Span};
 use vm::code::{FnId, FnKind, Function as Proto, GlobalId, Params, Program};
 use vm::failure::FailureTypes;
+use vm::rules::clause::{Declared, PredId};
 use vm::value::{Symbol, Value};
 
 use crate::ast::{Expr, ExprKind, Function, Var, VarId};
 use crate::module::{Definition, Found, Meaning, Module, ModuleId};
+use crate::rules::declare::Known;
 use crate::{Compiler, Front, Pending, Report};
 
 /// What a text may have changed.
@@ -27,6 +29,9 @@ pub(crate) struct Before {
     ground: Option<FnId>,
     failures: FailureTypes,
     functions: Vec<(FnId, Proto)>,
+    open_predicates: BTreeSet<PredId>,
+    groups: BTreeMap<(ModuleId, Symbol), Known>,
+    predicates: Vec<(PredId, Declared)>,
 }
 
 impl Front {
@@ -34,6 +39,11 @@ impl Front {
     pub(crate) fn before(&self, program: &Program, module: ModuleId) -> Before {
         let all = self.homes.iter().filter(|(_, home)| **home == module).map(|(id, _)| *id);
         let opens = self.opens.keys().copied();
+        let meanings = self.modules.get(module).names.values().map(|definition| &definition.meaning);
+        let predicates = meanings.filter_map(|meaning| match meaning {
+            Meaning::Predicate(id, _) => Some((*id, program.rules.predicates[id.at()].declared.clone())),
+            _ => None,
+        });
         Before {
             module: self.modules.get(module).clone(),
             opens: self.opens.clone(),
@@ -42,6 +52,9 @@ impl Front {
             constants: self.constants.clone(),
             ground: program.ground,
             failures: program.failures.clone(),
+            open_predicates: self.open_predicates.clone(),
+            groups: self.groups.clone(),
+            predicates: predicates.collect(),
             functions: all.chain(opens).map(|id| (id, program.functions[id.at()].clone())).collect(),
         }
     }
@@ -55,6 +68,11 @@ impl Front {
         self.constants = before.constants;
         program.ground = before.ground;
         program.failures = before.failures;
+        self.open_predicates = before.open_predicates;
+        self.groups = before.groups;
+        for (id, declared) in before.predicates {
+            program.rules.predicates[id.at()].declared = declared;
+        }
         for (id, proto) in before.functions {
             program.functions[id.at()] = proto;
         }

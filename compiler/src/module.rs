@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use grammar::Span;
 use vm::code::{FnId, GlobalId, NativeId, Params};
 use vm::failure::TypeId;
+use vm::rules::clause::PredId;
 use vm::value::Symbol;
 
 /// A module, as an index into [`Modules`].
@@ -30,6 +31,8 @@ pub enum Meaning {
     Failure(TypeId),
     /// `def-test`
     Test(FnId),
+    /// `def-rules`, `def-facts`, `def-open`, `def-native-rule`. Modules know it as `name/arity`.
+    Predicate(PredId, Params),
 }
 
 impl Meaning {
@@ -44,9 +47,10 @@ impl Meaning {
             Meaning::Const(_) => "a constant",
             Meaning::Failure(_) => "a type of failures",
             Meaning::Test(_) => "a test",
+            Meaning::Predicate(..) => "a predicate",
         }
     }
-    /// Its parameters, if it can be called.
+    /// Its parameters, if it can be called; the arguments of a predicate.
     #[must_use]
     pub fn params(&self) -> Option<&Params> {
         match self {
@@ -54,7 +58,8 @@ impl Meaning {
             | Meaning::Plan(_, params)
             | Meaning::Open(_, params)
             | Meaning::Macro(_, params)
-            | Meaning::Native(_, params) => Some(params),
+            | Meaning::Native(_, params)
+            | Meaning::Predicate(_, params) => Some(params),
             Meaning::Const(_) | Meaning::Failure(_) | Meaning::Test(_) => None,
         }
     }
@@ -176,7 +181,7 @@ impl Modules {
             let public = self.get(used.module).names.keys().filter(|name| !is_private(**name));
             names.extend(public.filter_map(|name| match (&used.prefix, &used.only) {
                 (Some(prefix), _) => Some(Symbol::from(&format!("{prefix}/{name}"))),
-                (None, Some(only)) => only.contains(name).then_some(*name),
+                (None, Some(only)) => lists(only, *name).then_some(*name),
                 (None, None) => Some(*name),
             }));
         }
@@ -196,9 +201,24 @@ impl Use {
             Some(prefix) => Symbol::from(name.strip_prefix(prefix.as_str())?.strip_prefix('/')?),
             None => name,
         };
-        let listed = self.only.as_ref().is_none_or(|only| only.contains(&inner));
+        let listed = self.only.as_ref().is_none_or(|only| lists(only, inner));
         (listed && !is_private(inner)).then_some(inner)
     }
+}
+
+/// True if `:only` lists a name; that of a predicate may stand there without its arity.
+fn lists(only: &[Symbol], name: Symbol) -> bool {
+    let is_predicate =
+        || predicate_key(name).is_some_and(|(name, _)| only.iter().any(|known| *known == name));
+    only.contains(&name) || is_predicate()
+}
+
+/// Name and arity of what modules know as `name/arity`.
+#[must_use]
+pub fn predicate_key(key: Symbol) -> Option<(&'static str, usize)> {
+    let (name, arity) = key.as_str().rsplit_once('/')?;
+    let is_number = !arity.is_empty() && arity.bytes().all(|byte| byte.is_ascii_digit());
+    (is_number && !name.is_empty()).then(|| arity.parse().ok().map(|arity| (name, arity)))?
 }
 
 /// Names that begin with `%` belong to their module alone.

@@ -8,6 +8,7 @@
 use miette::Diagnostic;
 use thiserror::Error;
 
+use crate::prolog::PrologError;
 use crate::span::Span;
 
 /// A mistake in the text of a program.
@@ -217,6 +218,11 @@ pub enum ParseError {
         at: Span,
     },
 
+    /// A mistake in Prolog text.
+    #[error(transparent)]
+    #[diagnostic(transparent)]
+    Prolog(PrologError),
+
     /// The rules of the grammar refused a balanced text: a bug of ours, which must not stop an editor.
     #[error("the parser is confused (a bug in Pleach, not in your program)")]
     #[diagnostic(code(parse::internal), help("please report it together with the text"))]
@@ -249,6 +255,7 @@ impl ParseError {
             | E::TooLarge { at, .. }
             | E::TooMany { at, .. }
             | E::Internal { at } => *at,
+            E::Prolog(error) => error.span(),
         }
     }
 }

@@ -5,6 +5,9 @@
 //! comments and errors. On the way back, [`print`](mod@print) writes a form on one line and
 //! [`format`](mod@format) a whole file as people like to read it.
 //!
+//! Rules may also be written as Prolog text, which [`prolog`] reads by tokens and rules of its own and
+//! turns into the same forms.
+//!
 //! Nothing here knows what a form means: `(if a)` is a fine list of two. That is the compiler's.
 //!
 //! Invariants
@@ -21,6 +24,7 @@ mod literal;
 pub mod pages;
 pub mod parse;
 pub mod print;
+pub mod prolog;
 pub mod span;
 mod token;
 

@@ -2,7 +2,7 @@
 //!
 //! The pages are files in `errors/`, so that people find them without the program. The wrong example
 //! stands in a block marked `pleach,fails` and raises the code; the right one, in a block marked
-//! `pleach`, raises nothing. The tests hold this.
+//! `pleach`, raises nothing. For Prolog text these are `prolog,fails` and `prolog`. The tests hold this.
 
 /// Codes and their pages, in Markdown.
 pub const PAGES: &[(&str, &str)] = &[
@@ -22,6 +22,12 @@ pub const PAGES: &[(&str, &str)] = &[
     ("parse::too_large", include_str!("../errors/parse-too_large.md")),
     ("parse::too_many", include_str!("../errors/parse-too_many.md")),
     ("parse::internal", include_str!("../errors/parse-internal.md")),
+    ("prolog::unclosed", include_str!("../errors/prolog-unclosed.md")),
+    ("prolog::unexpected", include_str!("../errors/prolog-unexpected.md")),
+    ("prolog::no_end", include_str!("../errors/prolog-no_end.md")),
+    ("prolog::not_callable", include_str!("../errors/prolog-not_callable.md")),
+    ("prolog::not_taken", include_str!("../errors/prolog-not_taken.md")),
+    ("prolog::two_names", include_str!("../errors/prolog-two_names.md")),
 ];
 
 /// The page of `code`, which is written as in `parse::unclosed`.
@@ -36,7 +42,13 @@ mod tests {
 
     use super::*;
     use crate::parse::{MAX_BYTES, parse_bytes};
+    use crate::prolog;
     use crate::span::FileId;
+
+    /// The language in which the examples on the page of `code` are written.
+    fn language(code: &str) -> &'static str {
+        if code.starts_with("prolog::") { "prolog" } else { "pleach" }
+    }
 
     /// The text of the block that starts with a line "```" and `mark`.
     fn block<'p>(page: &'p str, mark: &str) -> Option<&'p str> {
@@ -44,9 +56,18 @@ mod tests {
         Some(rest.split_once("```").expect("a block ends").0)
     }
 
-    /// The codes that `source` raises.
-    fn codes(source: &[u8]) -> Vec<String> {
-        let errors = parse_bytes(FileId(0), source).errors;
+    /// The wrong example on a page.
+    fn wrong_block<'p>(code: &str, page: &'p str) -> Option<&'p str> {
+        block(page, &format!("{},fails", language(code)))
+    }
+
+    /// The codes that `source` raises, in the language of `code`.
+    fn codes(code: &str, source: &[u8]) -> Vec<String> {
+        let parsed = match language(code) {
+            "prolog" => prolog::parse_bytes(FileId(0), "it", source),
+            _ => parse_bytes(FileId(0), source),
+        };
+        let errors = parsed.errors;
         errors.iter().map(|error| error.code().expect("each error has a code").to_string()).collect()
     }
 
@@ -63,12 +84,12 @@ mod tests {
 
     #[test]
     fn each_code_has_its_page() {
-        let raised: Vec<&str> = include_str!("error.rs")
-            .split("code(parse::")
-            .skip(1)
+        let raised: Vec<&str> = [include_str!("error.rs"), include_str!("prolog/error.rs")]
+            .iter()
+            .flat_map(|source| source.split("code(").skip(1))
             .filter_map(|rest| rest.split(')').next())
             .collect();
-        let known: Vec<&str> = PAGES.iter().filter_map(|(code, _)| code.strip_prefix("parse::")).collect();
+        let known: Vec<&str> = PAGES.iter().map(|(code, _)| *code).collect();
         assert_eq!(raised, known);
         for (code, page) in PAGES {
             assert!(page.starts_with(&format!("# {code}: ")), "{code}");
@@ -79,12 +100,12 @@ mod tests {
     #[test]
     fn wrong_examples_raise_their_code_and_right_ones_nothing() {
         for (code, page) in PAGES {
-            let right = block(page, "pleach").expect("a page has a right example");
-            assert_eq!(codes(right.as_bytes()), [""; 0], "{code}");
+            let right = block(page, language(code)).expect("a page has a right example");
+            assert_eq!(codes(code, right.as_bytes()), [""; 0], "{code}");
             let wrong =
-                block(page, "pleach,fails").map(|text| text.as_bytes().to_vec()).or_else(|| made_up(code));
+                wrong_block(code, page).map(|text| text.as_bytes().to_vec()).or_else(|| made_up(code));
             match wrong {
-                Some(wrong) => assert!(codes(&wrong).iter().any(|raised| raised == code), "{code}"),
+                Some(wrong) => assert!(codes(code, &wrong).iter().any(|raised| raised == code), "{code}"),
                 // A bug of ours: nobody knows how to raise it.
                 None => assert_eq!(*code, "parse::internal"),
             }
@@ -94,8 +115,8 @@ mod tests {
     #[test]
     fn wrong_examples_make_one_mistake() {
         for (code, page) in PAGES {
-            let Some(wrong) = block(page, "pleach,fails") else { continue };
-            let raised = codes(wrong.as_bytes());
+            let Some(wrong) = wrong_block(code, page) else { continue };
+            let raised = codes(code, wrong.as_bytes());
             assert!(raised.iter().all(|other| other == code), "{code}: {raised:?}");
         }
     }

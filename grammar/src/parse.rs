@@ -41,47 +41,43 @@ pub struct Comment {
 /// Never panics and always gives forms; they are the program only if there are no errors.
 #[must_use]
 pub fn parse(file: FileId, text: &str) -> Parsed {
-    if text.len() > MAX_BYTES {
-        return refused(ParseError::TooLarge {
-            bytes: text.len(),
-            limit: MAX_BYTES,
-            at: Span::new(file, 0, 0),
-        });
+    if let Err(error) = check_size(file, text.len()) {
+        return refused(error);
     }
     let mut balance = Balance::new(Lexer::new(file, text));
     let result = FormsParser::new().parse(file, &mut balance);
-    let Lexer { comments, report, .. } = balance.lexer;
-    let mut parsed = Parsed { forms: Vec::new(), comments, errors: report.errors };
+    let Lexer { comments, mut report, .. } = balance.lexer;
     match result {
-        Ok(forms) => parsed.forms = forms,
-        Err(error) => parsed.errors.push(internal(file, text, &error)),
+        Ok(forms) => Parsed { forms, comments, errors: report.in_order() },
+        Err(error) => {
+            report.errors.push(internal(file, text, &error));
+            Parsed { forms: Vec::new(), comments, errors: report.in_order() }
+        }
     }
-    parsed.errors.sort_by_key(|error| error.span().start);
-    if report.more > 0 {
-        let at = parsed.errors.last().map_or(Span::new(file, 0, 0), ParseError::span);
-        parsed.errors.push(ParseError::TooMany { more: report.more, at });
-    }
-    parsed
 }
 
 /// Reads a whole file; bytes that are no UTF-8 are an error and nothing is read.
 #[must_use]
 pub fn parse_bytes(file: FileId, bytes: &[u8]) -> Parsed {
-    if bytes.len() > MAX_BYTES {
-        return refused(ParseError::TooLarge {
-            bytes: bytes.len(),
-            limit: MAX_BYTES,
-            at: Span::new(file, 0, 0),
-        });
-    }
-    match std::str::from_utf8(bytes) {
+    match decode(file, bytes) {
         Ok(text) => parse(file, text),
-        Err(error) => refused(utf8(file, bytes, error.valid_up_to())),
+        Err(error) => refused(error),
     }
 }
 
-fn refused(error: ParseError) -> Parsed {
+pub(crate) fn refused(error: ParseError) -> Parsed {
     Parsed { errors: vec![error], ..Parsed::default() }
+}
+
+pub(crate) fn check_size(file: FileId, bytes: usize) -> Result<(), ParseError> {
+    let at = Span::new(file, 0, 0);
+    if bytes > MAX_BYTES { Err(ParseError::TooLarge { bytes, limit: MAX_BYTES, at }) } else { Ok(()) }
+}
+
+/// The text that `bytes` are, if they are one and not too large.
+pub(crate) fn decode(file: FileId, bytes: &[u8]) -> Result<&str, ParseError> {
+    check_size(file, bytes.len())?;
+    std::str::from_utf8(bytes).map_err(|error| utf8(file, bytes, error.valid_up_to()))
 }
 
 /// The bytes before `offset` are UTF-8.

@@ -111,6 +111,16 @@ impl Report {
             self.more += 1;
         }
     }
+
+    /// The errors in the order of the text, then how many more there are.
+    pub(crate) fn in_order(mut self) -> Vec<ParseError> {
+        self.errors.sort_by_key(|error| error.span().start);
+        if let (1.., Some(last)) = (self.more, self.errors.last()) {
+            let at = last.span();
+            self.errors.push(ParseError::TooMany { more: self.more, at });
+        }
+        self.errors
+    }
 }
 
 /// A token and its bytes `start..end`.
@@ -332,7 +342,7 @@ impl<'t> Lexer<'t> {
 }
 
 /// Offset of the end of the first line.
-fn line_end(text: &str) -> usize {
+pub(crate) fn line_end(text: &str) -> usize {
     text.find('\n').unwrap_or(text.len())
 }
 
@@ -363,7 +373,7 @@ fn block_comment_end(bytes: &[u8]) -> Option<usize> {
 }
 
 /// `text` so that all of it can be seen, and not too much of it.
-fn show(text: &str) -> String {
+pub(crate) fn show(text: &str) -> String {
     const LONGEST: usize = 40;
     let mut out = String::new();
     for (count, c) in text.chars().enumerate() {

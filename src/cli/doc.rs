@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use compiler::module::{Definition, Found, Meaning, ModuleId, is_private, nearest};
+use compiler::module::{Definition, Found, Meaning, ModuleId, is_private, nearest, predicate_key};
 use pleach::{Options, Session};
 use vm::failure::{FailureType, TypeId};
 use vm::value::Symbol;
@@ -49,11 +49,22 @@ pub fn page(session: &Session, name: &str) -> Result<String, Trouble> {
         let doc = compiler::special_form_doc(name);
         parts.push(format!("{shape}\n  a special form\n{}", indented(doc)));
     }
+    if let Some((_, shape)) = compiler::goal_forms().iter().find(|(known, _)| *known == name) {
+        parts.push(format!("{shape}\n  a goal of rules and queries\n"));
+    }
     let symbol = Symbol::from(name);
     if let Found::One(definition) = session.front.modules.look_up(session.module, symbol) {
         parts.push(definition_page(session, symbol, &definition));
     } else if let Some(id) = session.machine.program.failures.find(symbol) {
         parts.push(failure_page(session, id));
+    }
+    for key in session.front.modules.visible(session.module) {
+        let has_name = predicate_key(key).is_some_and(|(known, _)| known == name);
+        if let Found::One(definition) = session.front.modules.look_up(session.module, key)
+            && has_name
+        {
+            parts.push(definition_page(session, key, &definition));
+        }
     }
     if let Some(id) = session.front.modules.find(name) {
         parts.push(module_page(session, id));
@@ -68,8 +79,10 @@ fn unknown(session: &Session, name: &str) -> Trouble {
     let visible = session.front.modules.visible(session.module);
     let failures = session.machine.program.failures.iter().map(|it| it.name);
     let modules = session.front.modules.iter().map(|(_, module)| module.name.as_str());
-    let words = compiler::special_forms().iter().map(|(name, _)| *name).chain(modules);
-    let names: Vec<Symbol> = visible.iter().copied().chain(failures).collect();
+    let forms = compiler::special_forms().iter().chain(compiler::goal_forms());
+    let words = forms.map(|(name, _)| *name).chain(modules);
+    let bare = |name: &Symbol| predicate_key(*name).map_or(*name, |(name, _)| Symbol::from(name));
+    let names: Vec<Symbol> = visible.iter().map(bare).chain(failures).collect();
     let help = match nearest(name, names.iter().map(|name| name.as_str()).chain(words)) {
         Some(near) => format!("did you mean `{near}`?"),
         None => {
@@ -105,6 +118,11 @@ fn definition_page(session: &Session, name: Symbol, definition: &Definition) -> 
 
 /// `(name params…)` of what can be called, else the name.
 pub fn signature(name: Symbol, definition: &Definition) -> String {
+    let name = match (&definition.meaning, predicate_key(name)) {
+        (Meaning::Predicate(_, params), Some(_)) if params.names.is_empty() && params.required > 0 => name,
+        (Meaning::Predicate(..), Some((name, _))) => Symbol::from(name),
+        _ => name,
+    };
     match definition.meaning.params() {
         Some(params) => match compiler::show_params(params).get(1..) {
             None | Some(")") => format!("({name})"),
@@ -192,6 +210,10 @@ fn overview(session: &Session) -> String {
     }
     text += "\nSpecial forms:\n";
     for (_, shape) in compiler::special_forms() {
+        text += &format!("  {shape}\n");
+    }
+    text += "\nGoals of rules and queries:\n";
+    for (_, shape) in compiler::goal_forms() {
         text += &format!("  {shape}\n");
     }
     text + "\n`pleach doc NAME` says more about each of them.\n"

@@ -12,6 +12,7 @@ mod fmt;
 pub mod interrupt;
 mod journal;
 pub mod json;
+pub mod query;
 mod resume;
 pub mod run;
 mod schedules;
@@ -64,6 +65,8 @@ First steps:
   pleach run hello.plan         what it prints, then the tree of its tasks
   pleach check hello.plan       all that is wrong with it, without running it
   pleach repl hello.plan        try its plans by hand
+  pleach query hello.plan --run '(task-name ?task greet)' --all
+                                what its rules find, here in the tree of a run
   pleach doc with-failure-handling
                                 what a word of the language or of the library means
 
@@ -89,6 +92,9 @@ enum Command {
     /// Run again from a log, as far as a step, and show where the program stands
     #[command(after_help = resume::REPLAY_HELP)]
     Replay(resume::Replay),
+    /// Ask the rules of a file, over its facts and over task trees
+    #[command(after_help = query::HELP)]
+    Query(Box<query::Query>),
     /// Try forms by hand
     #[command(after_help = crate::repl::HELP)]
     Repl(crate::repl::Repl),
@@ -122,6 +128,7 @@ pub fn main() -> u8 {
         Command::Run(it) => run::run(*it),
         Command::Resume(it) => resume::resume(&it),
         Command::Replay(it) => resume::replay(&it),
+        Command::Query(it) => query::run(*it),
         Command::Repl(it) => crate::repl::run(&it),
         Command::Check(it) => check::run(&it),
         Command::Fmt(it) => fmt::run(&it),

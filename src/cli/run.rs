@@ -24,6 +24,7 @@ Examples:
   pleach run report.plan --allow read=data --allow write=out
   pleach run team.plan --timeline
   pleach run team.plan --schedules 0..200
+  pleach run kitchen.plan --json > monday.json    to be asked with: pleach query … --tree monday.json
   pleach run long.plan --log long.log --stop-at 5000 && pleach resume long.log
 
 The program's own output goes to stdout; the tree of its tasks, failures and --trace go to stderr.
@@ -34,7 +35,10 @@ With --json stdout is one object, and the program's output goes to stderr:
   errors    [{severity, code, message, help, file, line, column, labels}]; where there are some
   plan seed steps clock    what was run, how much fuel it used, seconds of the task clock
   tree      [{name, path, parent, kind, status, attempt, params, value, failure, start, end}],
-            parents before children; `parent` is a position in this list
+            parents before children; `parent` is a position in this list. Where there are such:
+            attempts [{status, value, failure, start, end}], all runs of a task that was run more
+            than once; written and written-params, the call as the plan makes it if edits have
+            changed it; edits, why, goal, grounded, performed-in, notes
 Exit codes: 0 it succeeded · 1 it failed · 2 errors, or a failure while the file was loaded ·
 130 stopped by Ctrl-C.";
 

@@ -13,6 +13,10 @@ pub const COMMANDS: &[(&str, &str, &str)] = &[
     (":help", "", "this list"),
     (":doc", "NAME", "what a name means"),
     (":type", "FORM", "what kind of value a form gives, and what is in it"),
+    ("?-", "GOAL", "what makes a goal of rules hold; `;` on the next line gives the next answer"),
+    (":more", "", "the next answer of the last goal, as `;` does"),
+    (":why", "GOAL", "why a goal holds: the proof of its first answer"),
+    (":why-not", "GOAL", "why a goal does not hold: what fails in which clause, the nearest first"),
     (":tree", "[all]", "the tasks of this session, and what became of them"),
     (":load", "FILE", "define what a file defines, again if need be"),
     (":code", "NAME", "the instructions of a function or plan"),
@@ -59,8 +63,13 @@ pub fn run(prompt: &mut Prompt, line: &str) -> After {
         term::say(&format!("error: {word} needs something: {word} {wants}\n"));
         return After::GoOn;
     }
+    if word != ":more" {
+        prompt.asked = super::query::Asked::Nothing;
+    }
     match word {
         ":help" => term::say(&help()),
+        ":more" => prompt.more(),
+        ":why" | ":why-not" => prompt.why(argument),
         ":doc" => document(prompt, argument),
         ":type" => describe(prompt, argument),
         ":tree" => {
@@ -159,7 +168,7 @@ fn code(prompt: &Prompt, name: &str) {
                 term::say(&vm::disasm::function(&session.machine.program, id));
             }
             Meaning::Native(..) => term::say(&format!("{name} is written in Rust: it has no instructions\n")),
-            Meaning::Const(_) | Meaning::Failure(_) => {
+            Meaning::Const(_) | Meaning::Failure(_) | Meaning::Predicate(..) => {
                 term::say(&format!("{name} is {}: it has no instructions\n", definition.meaning.words()))
             }
         },

@@ -17,6 +17,12 @@ pub enum Typed {
     Forms(String),
     /// `:load`
     Load(std::path::PathBuf),
+    /// `?- goal`: a query uses fuel, too.
+    Goal(String),
+    /// `;`
+    More,
+    /// `:why goal`
+    Why(String),
 }
 
 /// What is left of an input whose run is stopped.
@@ -87,6 +93,9 @@ impl Prompt {
             match typed {
                 Typed::Forms(text) => self.evaluate(&text),
                 Typed::Load(path) => super::commands::load(self, &path),
+                Typed::Goal(text) => self.ask(&text),
+                Typed::More => self.more(),
+                Typed::Why(text) => self.why(&text),
             }
         }
         self.session.stop_at = None;

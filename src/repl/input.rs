@@ -57,7 +57,7 @@ impl Input {
     }
 
     /// The names that can be completed; asked for only where somebody types.
-    pub fn set_names(&mut self, names: impl FnOnce() -> Vec<String>) {
+    pub fn set_names(&mut self, names: impl FnOnce() -> complete::Names) {
         if let Input::Terminal(editor, _) = self
             && let Some(helper) = editor.helper_mut()
         {
@@ -126,7 +126,7 @@ fn history_file() -> Option<PathBuf> {
 /// What helps whoever types.
 #[derive(Default)]
 pub struct Typing {
-    names: Vec<String>,
+    names: complete::Names,
     files: FilenameCompleter,
 }
 

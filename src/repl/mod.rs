@@ -16,8 +16,8 @@
 //! in which all of them are closed. What the input prints, its value and its errors follow. Nothing
 //! else is printed in a pipe, and all of it goes to stdout.
 //!
-//! [`commands`] does what begins with a colon, [`inspect`] describes values, [`input`] gets the
-//! lines, [`complete`] and [`highlight`] help whoever types them.
+//! [`commands`] does what begins with a colon, [`query`] what begins with `?-`; [`inspect`] describes
+//! values, [`input`] gets the lines, [`complete`] and [`highlight`] help whoever types them.
 
 mod commands;
 mod complete;
@@ -25,6 +25,7 @@ mod debug;
 mod highlight;
 mod input;
 mod inspect;
+mod query;
 
 use std::path::PathBuf;
 
@@ -36,13 +37,13 @@ use pleach::session::Output;
 use pleach::{Options, Session, render};
 use vm::code::FnId;
 use vm::machine::Progress;
-use vm::print::{LIMIT, Printer};
 use vm::value::{Symbol, Value};
 
 use crate::cli::settings::Settings;
 use crate::cli::{Answer, files, interrupt, term};
 use debug::{Stopped, Typed};
 use input::Input;
+use query::Asked;
 
 pub const HELP: &str = "\
 Examples:
@@ -90,6 +91,7 @@ struct Prompt {
     /// What has been typed so far and run.
     script: Vec<Typed>,
     breaks: Vec<String>,
+    asked: Asked,
 }
 
 /// What programs print at the prompt.
@@ -138,11 +140,13 @@ pub fn run(it: &Repl) -> Answer {
     }
     prompt.load_first_file()?;
     loop {
-        input.set_names(|| complete::names(&prompt.session));
+        input.set_names(|| complete::Names::of(&prompt.session));
         let Some(text) = input.read() else { return Ok(0) };
         interrupt::answered();
         match text.trim() {
             "" => {}
+            ";" if !matches!(prompt.asked, Asked::Nothing) => prompt.more(),
+            line if line.starts_with(query::MARK) => prompt.ask(&text),
             line if commands::is_command(line) => {
                 if commands::run(&mut prompt, line) == commands::After::Quit {
                     return Ok(0);
@@ -168,6 +172,7 @@ impl Prompt {
             begun: FnId(0),
             script: Vec::new(),
             breaks: Vec::new(),
+            asked: Asked::default(),
         };
         prompt.session.front.keep_forms = true;
         prompt
@@ -204,6 +209,7 @@ impl Prompt {
     /// Runs forms, and prints the value of the last one.
     fn evaluate(&mut self, text: &str) {
         self.give_up();
+        self.asked = Asked::Nothing;
         self.script.push(Typed::Forms(text.to_string()));
         self.inputs += 1;
         let before = self.session.files.iter().count() as u32;
@@ -224,10 +230,7 @@ impl Prompt {
         if !loaded.reports.iter().all(Report::is_warning) {
             return None;
         }
-        // Limits hold for each input.
-        let machine = &mut self.session.machine;
-        machine.limits.fuel = machine.steps().saturating_add(self.options.limits.fuel);
-        machine.limits.output = self.screen.printed.saturating_add(self.options.limits.output);
+        self.fill_up();
         let mut rest = loaded.init;
         if rest.is_empty() {
             return Some(None);
@@ -239,6 +242,13 @@ impl Prompt {
         self.proceed(progress, rest)
     }
 
+    /// Limits hold for each input.
+    fn fill_up(&mut self) {
+        let machine = &mut self.session.machine;
+        machine.limits.fuel = machine.steps().saturating_add(self.options.limits.fuel);
+        machine.limits.output = self.screen.printed.saturating_add(self.options.limits.output);
+    }
+
     /// Does what an input does after a form of it has ended or been stopped.
     fn proceed(&mut self, mut progress: Progress, rest: Vec<FnId>) -> Option<Option<Value>> {
         let mut rest = rest.into_iter();
@@ -247,10 +257,7 @@ impl Prompt {
             let last = match progress {
                 Progress::Ended(Ok(value)) => is_form.then_some(value),
                 Progress::Ended(Err(failure)) => {
-                    let text = render::failure_in_source(&self.session.files, &failure, term::out_style());
-                    self.screen.say(&text);
-                    let cell = self.cells.last().copied();
-                    cell.into_iter().for_each(|cell| self.set(cell, failure.clone()));
+                    self.failed(&failure);
                     return None;
                 }
                 Progress::Stopped => {
@@ -266,6 +273,14 @@ impl Prompt {
             self.begun = next;
             self.end_line();
         }
+    }
+
+    /// Shows a failure that nothing handled, and remembers it.
+    fn failed(&mut self, failure: &Value) {
+        let text = render::failure_in_source(&self.session.files, failure, term::out_style());
+        self.screen.say(&text);
+        let cell = self.cells.last().copied();
+        cell.into_iter().for_each(|cell| self.set(cell, failure.clone()));
     }
 
     /// Ends the line that a program has left open.
@@ -295,6 +310,6 @@ impl Prompt {
 
     /// The text of a value that reads back, with the names of functions.
     fn text(&self, value: &Value) -> String {
-        Printer::new(Some(&self.session.machine.program), true, LIMIT).text(value)
+        self.session.write(value)
     }
 }

@@ -24,6 +24,7 @@ mod list;
 mod map;
 mod number;
 mod random;
+mod rule;
 mod sequence;
 mod string;
 mod symbol;
@@ -57,6 +58,7 @@ pub fn natives() -> Vec<Native> {
         random::natives(),
         task::natives(),
         tree::natives(),
+        rule::natives(),
     ];
     topics.into_iter().flatten().collect()
 }
@@ -72,7 +74,7 @@ macro_rules! modules {
 
 modules! {
     "language" "value" "number" "list" "vector" "map" "function" "sequence"
-    "symbol" "string" "format" "description" "geometry" "failure" "io" "random" "control" "task" "tree"
+    "symbol" "string" "format" "description" "geometry" "failure" "io" "random" "control" "task" "tree" "rule" "task-rule"
 }
 
 #[cfg(test)]

@@ -70,7 +70,9 @@ fn no_name_is_defined_twice() {
     let mut seen = BTreeMap::new();
     for (module, text) in MODULES {
         for definition in definitions(text).iter().filter(|definition| !definition.name.starts_with('%')) {
-            let other = seen.insert(definition.name.to_string(), module);
+            // Predicates have names of their own.
+            let of_rules = matches!(definition.form, "def-rules" | "def-native-rule" | "def-open");
+            let other = seen.insert((of_rules, definition.name.to_string()), module);
             assert_eq!(other, None, "{} in {module}.plan", definition.name);
         }
     }

@@ -158,6 +158,7 @@ Commands:
   run      Run a plan file, then show the tree of its tasks
   resume   Go on with a run that was stopped, from its log
   replay   Run again from a log, as far as a step, and show where the program stands
+  query    Ask the rules of a file, over its facts and over task trees
   repl     Try forms by hand
   check    Say all that is wrong with files, without running them
   fmt      Lay files out
@@ -178,6 +179,8 @@ First steps:
   pleach run hello.plan         what it prints, then the tree of its tasks
   pleach check hello.plan       all that is wrong with it, without running it
   pleach repl hello.plan        try its plans by hand
+  pleach query hello.plan --run '(task-name ?task greet)' --all
+                                what its rules find, here in the tree of a run
   pleach doc with-failure-handling
                                 what a word of the language or of the library means
 

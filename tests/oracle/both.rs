@@ -101,7 +101,7 @@ fn on_machine(session: &mut Session, todo: &[FnId]) -> Option<Seen> {
     }
     session.machine.finish(&outcome);
     let (Ok(value) | Err(value)) = &outcome;
-    vm::failure::name_tasks(session.machine.tree(), value);
+    text::name_all(session.machine.tree(), value);
     let tree = text::of_machine(session.machine.tree());
     Some(Seen { outcome: text::of_outcome(&outcome), output, tree })
 }

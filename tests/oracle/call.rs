@@ -5,7 +5,7 @@
 
 use std::rc::Rc;
 
-use compiler::ast::{Expr, ExprKind, Function};
+use compiler::ast::{Expr, Function};
 use vm::code::{FnId, FnKind, NativeId, Params, SiteId};
 use vm::edit::What;
 use vm::failure::{Builtin, Failure};
@@ -15,8 +15,9 @@ use vm::tree::{NodeKind, Status, Why};
 use vm::value::{Imm, Obj, Symbol, Value};
 
 use super::MOST_STEPS;
-use super::eval::{Eval, Exit, Here, Oracle, Ready, Use, Way};
+use super::eval::{Eval, Exit, Here, Ready, Run, Use, Way, address};
 use super::forms::Part;
+use super::tasks::Oracle;
 
 /// What a call with a record runs.
 #[derive(Clone, Copy)]
@@ -24,6 +25,8 @@ pub enum Body {
     Plan(FnId),
     /// What the description, its only argument, is grounded to.
     Action,
+    /// A branch of a parallel form.
+    Branch,
 }
 
 /// A call with a record.
@@ -36,6 +39,8 @@ pub struct Call {
     pub body: Body,
     /// The arguments, as edits have changed them.
     pub args: Vec<Value>,
+    /// The function of a branch.
+    pub code: Option<Value>,
     /// The function that says whether the goal is reached.
     pub goal: Option<Value>,
     /// Numbers of the edits that hold for it.
@@ -51,18 +56,11 @@ pub enum Original {
     Layer(Rc<Call>, usize, usize),
 }
 
-impl<'p> Oracle<'p> {
+impl<'p> Oracle<'_, 'p> {
     // ------------------------------------------------------------------ functions
 
     /// Calls a function of the program that is no plan.
-    pub fn call_function(
-        &mut self,
-        here: &Here,
-        expr: &'p Expr,
-        name: Symbol,
-        ready: Ready<'p>,
-        usage: Use,
-    ) -> Eval<'p> {
+    pub fn call_function(&mut self, here: &Here, expr: &'p Expr, ready: Ready<'p>, usage: Use) -> Eval<'p> {
         if usage == Use::Tail {
             // A function that owes something cannot go before it has been done.
             return match self.owes(here.function_form) {
@@ -70,7 +68,7 @@ impl<'p> Oracle<'p> {
                 false => Err(Exit::Tail(Ready { place: here.place.clone(), ..ready })),
             };
         }
-        let site = self.site(here, expr, name);
+        let site = self.site(address(expr));
         let inner = Here { way: here.way.then(Step::Call(site)), ..here.clone() };
         self.run_function(&inner, ready)
     }
@@ -80,7 +78,7 @@ impl<'p> Oracle<'p> {
         let mut ready = Ready { place: here.place.clone(), ..ready };
         loop {
             let Ready { function, owner, captured, args, place } = ready;
-            let function_form = self.run.forms.len();
+            let function_form = self.run.forms_made;
             let inner = Here { place, function_form, owner, original: None, handled: None, ..here.clone() };
             let result = self.deeper(|it| {
                 it.form(&inner, Part::Body, |it, here| it.body_of(here, function, captured, args))
@@ -100,6 +98,7 @@ impl<'p> Oracle<'p> {
         captured: Vec<Value>,
         args: Vec<Value>,
     ) -> Eval<'p> {
+        self.hash_calls(function);
         let mut inner = Here { env: Default::default(), ..here.clone() };
         for ((_, var), value) in function.captures.iter().zip(captured) {
             inner.env = inner.env.bind(*var, value);
@@ -119,12 +118,11 @@ impl<'p> Oracle<'p> {
         self.body(&inner, &function.body, usage)
     }
 
-    /// Calls a value. `name` is what the source says of it.
+    /// Calls a value.
     pub fn call_value(
         &mut self,
         here: &Here,
         expr: &'p Expr,
-        name: Symbol,
         callee: &Value,
         args: Vec<Value>,
         usage: Use,
@@ -135,14 +133,14 @@ impl<'p> Oracle<'p> {
         let ready = self.ready(here, callee, args)?;
         match (callee, ready.function.kind) {
             (Value::Imm(Imm::Function(plan)), FnKind::Plan) => {
-                self.call_plan(here, expr, name, *plan, ready.args, true, usage)
+                self.call_plan(here, expr, *plan, ready.args, true, usage)
             }
-            _ => self.call_function(here, expr, name, ready, usage),
+            _ => self.call_function(here, expr, ready, usage),
         }
     }
 
     /// A function value with its arguments in the order of the parameters.
-    fn ready(&mut self, here: &Here, callee: &Value, args: Vec<Value>) -> Result<Ready<'p>, Exit<'p>> {
+    pub fn ready(&mut self, here: &Here, callee: &Value, args: Vec<Value>) -> Result<Ready<'p>, Exit<'p>> {
         let (id, captured) = match callee {
             Value::Imm(Imm::Function(id)) => (*id, Vec::new()),
             Value::Obj(obj) if let Obj::Closure(id, captured) = &**obj => (*id, captured.to_vec()),
@@ -173,14 +171,20 @@ impl<'p> Oracle<'p> {
         match self.ask_native(here, native, &args) {
             Err(raise) => self.raise(here, raise),
             Ok(Next::Return(value)) => Ok(value),
-            Ok(Next::Call { callee, args }) => {
-                let name = Symbol::from(self.world.program().natives[native.at()].name);
-                self.call_value(here, expr, name, &callee, args, usage.no_tail())
-            }
+            Ok(Next::Call { callee, args }) => self.call_value(here, expr, &callee, args, usage.no_tail()),
             Ok(Next::RunPlan { plan, args, tree }) => self.run_plan(here, &plan, args, tree),
             Ok(Next::EditTree { tree, edits }) => self.edit_tree(here, &tree, &edits),
-            Ok(Next::Sleep(_) | Next::Task(_)) => Err(Exit::GiveUp("the oracle does not wait".into())),
+            Ok(Next::Sleep(ns)) => self.sleep(here, ns),
+            Ok(Next::Task(op)) => self.task_op(here, op),
             Ok(Next::Ask(_)) => Err(Exit::GiveUp("the oracle has no world to ask".into())),
+            Ok(
+                Next::Query { .. }
+                | Next::Explain(..)
+                | Next::Part(..)
+                | Next::PushFacts(_)
+                | Next::PushTree(_)
+                | Next::PopScope,
+            ) => Err(Exit::GiveUp("the oracle has no rules".into())),
         }
     }
 
@@ -196,16 +200,19 @@ impl<'p> Oracle<'p> {
             Some(tree) if tree.as_tree().is_some() => Some(self.tree_of(tree)?),
             Some(tree) => return self.raise(here, type_error("a tree", tree)),
         };
-        let inner = super::eval::Run::new(super::Tree::begin(start.as_deref()));
+        self.inner_runs += 1;
+        let number = self.inner_runs;
+        let inner = Run { number, ..Run::new(super::Tree::begin(start.as_deref())) };
         let outer = std::mem::replace(&mut self.run, inner);
-        let root = Here::root(None);
+        self.outer.push(outer);
         let name = self.function(id).name;
-        let outcome = self.deeper(|it| {
-            it.form(&root, Part::Body, |it, here| {
+        let outcome = self.as_root(|it| {
+            it.form(&Here::root(None), Part::Body, |it, here| {
                 let slot = it.slot(here, SiteId(0), name, true, Some(id), true)?;
                 it.start(here, slot, Body::Plan(id), args, None)
             })
         });
+        let outer = self.outer.pop().expect("it has been put there");
         let mut inner = std::mem::replace(&mut self.run, outer);
         let (status, value) = match outcome {
             Ok(value) => (Status::Succeeded, value),
@@ -235,18 +242,16 @@ impl<'p> Oracle<'p> {
 
     // ------------------------------------------------------------------ plans
 
-    #[expect(clippy::too_many_arguments, reason = "a call has this many parts")]
     pub fn call_plan(
         &mut self,
         here: &Here,
         expr: &'p Expr,
-        called: Symbol,
         plan: FnId,
         args: Vec<Value>,
         dynamic: bool,
         usage: Use,
     ) -> Eval<'p> {
-        let site = self.site(here, expr, called);
+        let site = self.site(address(expr));
         let name = self.function(plan).name;
         let slot = self.slot(here, site, name, dynamic, Some(plan), usage != Use::Effect)?;
         self.deeper(|it| it.start(here, slot, Body::Plan(plan), args, None))
@@ -261,18 +266,14 @@ impl<'p> Oracle<'p> {
         goal: Option<&'p Function>,
         usage: Use,
     ) -> Eval<'p> {
-        let called = match &desc.kind {
-            ExprKind::Desc(kind, _) => *kind,
-            _ => Symbol::from("perform"),
-        };
         let value = self.value(here, desc)?;
         let goal = goal.map(|goal| self.lambda(here, goal));
-        self.burn()?;
+        self.burn(here)?;
         let Some(it) = value.as_desc() else {
             return self.raise(here, type_error("a description to perform", &value));
         };
         let name = it.entity_type().unwrap_or(it.kind);
-        let site = self.site(here, expr, called);
+        let site = self.site(address(expr));
         let slot = self.slot(here, site, name, true, None, usage != Use::Effect)?;
         self.deeper(|it| it.start(here, slot, Body::Action, vec![value.clone()], goal))
     }
@@ -300,8 +301,8 @@ impl<'p> Oracle<'p> {
             steps.push(Step::Again(*count));
         }
         *count += 1;
-        let hashes = &self.site_hashes;
-        let slot = self.run.tree.slot(here.rec, (site, steps), name, |site| hashes[site.at()]);
+        let super::eval::Walker { run, site_hashes, .. } = &mut **self;
+        let slot = run.tree.slot(here.rec, (site, steps), name, |site| site_hashes[site.at()]);
         let it = &mut self.run.tree.slots[slot];
         (it.place, it.plan, it.value_used) = (here.place.clone(), plan, value_used);
         let mirror = it.mirror;
@@ -321,8 +322,14 @@ impl<'p> Oracle<'p> {
         goal: Option<Value>,
     ) -> Eval<'p> {
         let kind = if matches!(body, Body::Plan(_)) { NodeKind::Plan } else { NodeKind::Action };
-        let rec = self.run.tree.enter(here.rec, slot, kind, args.clone(), self.run.now);
-        let mut call = Call { here: here.clone(), slot, rec, body, args, goal, edits: Vec::new() };
+        let rec = self.enter(here.rec, slot, kind, args.clone());
+        let (here, code, edits) = (here.clone(), None, Vec::new());
+        self.begin(Call { here, slot, rec, body, args, code, goal, edits })
+    }
+
+    /// A call that has its record.
+    pub fn begin(&mut self, mut call: Call) -> Eval<'p> {
+        let rec = call.rec;
         self.apply_edits(&mut call);
         let call = Rc::new(call);
         self.owe(&call);
@@ -360,11 +367,16 @@ impl<'p> Oracle<'p> {
             }
         }
         let first = self.run.tree.slots[call.slot].records[0];
-        if first == call.rec && !self.edits_of(call, |what| matches!(what, What::Before(_))).is_empty() {
+        // Branches keep their place among each other.
+        let is_branch = matches!(call.body, Body::Branch);
+        if first == call.rec
+            && !is_branch
+            && !self.edits_of(call, |what| matches!(what, What::Before(_))).is_empty()
+        {
             self.run.tree.begins(call.slot);
         }
         let wraps = self.edits_of(call, |what| matches!(what, What::Wrap(_))).len();
-        match self.wrapped(call, wraps) {
+        match self.wrapped(call, wraps, call.here.rec) {
             Ok(value) => {
                 if !self.run.tree.records[call.rec].status.is_final() {
                     self.end_skipped(call.rec, Why::Edit, value.clone());
@@ -384,23 +396,23 @@ impl<'p> Oracle<'p> {
 
     fn end_skipped(&mut self, rec: usize, why: Why, value: Value) {
         self.run.tree.records[rec].why = why;
-        self.run.tree.end(rec, Status::Skipped, value, self.run.now);
+        self.end_record(rec, Status::Skipped, value);
     }
 
     /// A failure leaves a call whose body has not ended it.
     fn call_failed(&mut self, call: &Call, exit: Exit<'p>, why: Why) -> Eval<'p> {
-        if let Exit::Fail(failure) = &exit
-            && !self.run.tree.records[call.rec].status.is_final()
-        {
-            self.run.tree.records[call.rec].why = why;
-            self.run.tree.end(call.rec, Status::Failed, failure.clone(), self.run.now);
+        if !self.run.tree.records[call.rec].status.is_final() {
+            if !matches!(exit, Exit::GiveUp(_) | Exit::Refused(_)) {
+                self.run.tree.records[call.rec].why = why;
+            }
+            self.left_by(call.rec, &exit);
         }
         Err(exit)
     }
 
     pub fn ask_goal(&mut self, here: &Here, goal: &Value) -> Result<bool, Exit<'p>> {
         let ready = self.ready(here, goal, Vec::new())?;
-        Ok(self.run_function(here, ready)?.is_true())
+        Ok(self.run_function(here, ready)?.holds())
     }
 
     // ------------------------------------------------------------------ wraps and bodies
@@ -421,17 +433,19 @@ impl<'p> Oracle<'p> {
         })
     }
 
-    /// A call with its first `n` wraps around it; the last of them is the outermost.
-    fn wrapped(&mut self, call: &Rc<Call>, n: usize) -> Eval<'p> {
+    /// A call with its first `n` wraps around it; the last of them is the outermost. Their code belongs to
+    /// the record `rec`: that of the call, or of a branch in an outer wrap.
+    fn wrapped(&mut self, call: &Rc<Call>, n: usize, rec: usize) -> Eval<'p> {
         let Some(inner) = n.checked_sub(1) else { return self.attempt(call) };
         let wraps = self.edits_of(call, |what| matches!(what, What::Wrap(_)));
-        self.edit_code(&call.here, call, wraps[inner], Some(Original::Wrap(call.clone(), inner)))
+        let here = Here { rec, ..call.here.clone() };
+        self.edit_code(&here, call, wraps[inner], Some(Original::Wrap(call.clone(), inner)))
     }
 
     /// `(original)`
     pub fn original(&mut self, here: &Here) -> Eval<'p> {
         match here.original.clone() {
-            Some(Original::Wrap(call, n)) => self.wrapped(&call, n),
+            Some(Original::Wrap(call, n)) => self.wrapped(&call, n, here.rec),
             Some(Original::Layer(call, rec, n)) => self.layer(&call, rec, n),
             None => {
                 self.raise(here, Box::new(Failure::new(Builtin::ProgramError, "there is no original here")))
@@ -444,20 +458,19 @@ impl<'p> Oracle<'p> {
         let mut rec = call.rec;
         if self.run.tree.records[rec].status.is_final() {
             let first = self.run.tree.records[rec].clone();
-            rec = self.run.tree.enter(call.here.rec, call.slot, first.kind, call.args.clone(), self.run.now);
+            let now = self.run.now;
+            rec = self.run.tree.enter(call.here.rec, call.slot, first.kind, call.args.clone(), now);
             let it = &mut self.run.tree.records[rec];
             (it.written, it.performed_in) = (first.written, first.performed_in);
         }
         let replaces = self.edits_of(call, |what| matches!(what, What::Replace(_))).len();
-        self.run.bodies.push((rec, call.clone()));
+        self.stacks.bodies.push((rec, call.clone()));
         let result = self.layer(call, rec, replaces);
-        self.run.bodies.pop();
+        self.stacks.bodies.pop();
         let result = result.and_then(|value| self.check_goal(call, rec).map(|()| value));
-        let now = self.run.now;
         match &result {
-            Ok(value) => self.run.tree.end(rec, Status::Succeeded, value.clone(), now),
-            Err(Exit::Fail(failure)) => self.run.tree.end(rec, Status::Failed, failure.clone(), now),
-            Err(_) => {}
+            Ok(value) => self.end_record(rec, Status::Succeeded, value.clone()),
+            Err(exit) => self.left_by(rec, exit),
         }
         result
     }
@@ -505,6 +518,7 @@ impl<'p> Oracle<'p> {
                 );
             }
             let ready = match call.body {
+                Body::Branch => return it.branch_code(here, call),
                 Body::Plan(id) => {
                     let args = call.args.clone();
                     Ready {
@@ -521,6 +535,19 @@ impl<'p> Oracle<'p> {
         })
     }
 
+    /// A branch without edits: its code in its record.
+    pub fn branch_body(&mut self, call: &Call, rec: usize) -> Eval<'p> {
+        let here = Here { original: call.here.original.clone(), ..self.at_node(call, rec) };
+        self.form(&here, Part::Node(call.slot), |it, here| it.branch_code(here, call))
+    }
+
+    fn branch_code(&mut self, here: &Here, call: &Call) -> Eval<'p> {
+        let code = call.code.as_ref().expect("a branch has a function");
+        let Ready { function, owner, captured, .. } = self.ready(here, code, call.args.clone())?;
+        let here = Here { function_form: self.run.forms_made, owner, ..here.clone() };
+        self.deeper(|it| it.body_of(&here, function, captured, call.args.clone()))
+    }
+
     /// What a description is performed by: a plan and its arguments.
     fn ground(&mut self, here: &Here, desc: &Value) -> Result<Ready<'p>, Exit<'p>> {
         let answer = match self.world.program().ground {
@@ -532,12 +559,16 @@ impl<'p> Oracle<'p> {
         };
         if answer.is_nil() {
             let message = format!("no rule says which plan performs {}", vm::print::brief(desc));
-            let fields = vec![("message", Value::str(message)), ("action", desc.clone())];
+            let fields =
+                vec![("message", Value::str(message)), ("action", desc.clone()), ("nearest", Value::NIL)];
             return self.raise(here, Box::new(Failure::with(Builtin::ActionNotGrounded, fields)));
         }
         let parts = answer.to_vec().unwrap_or_default();
         let [plan, args @ ..] = parts.as_slice() else {
-            return self.raise(here, type_error("a list of a plan and its arguments from `ground`", &answer));
+            return self.raise(
+                here,
+                type_error("a list of a plan and its arguments as what an action is grounded to", &answer),
+            );
         };
         self.run.tree.records[here.rec].grounded = Some(answer.clone());
         self.ready(here, plan, args.to_vec())

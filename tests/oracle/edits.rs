@@ -13,8 +13,9 @@ use vm::value::{Obj, Symbol, Value};
 
 use super::Tree;
 use super::call::{Body, Call};
-use super::eval::{Eval, Here, Oracle};
+use super::eval::{Eval, Here};
 use super::obligations;
+use super::tasks::Oracle;
 
 /// An edit that holds in a tree.
 pub struct Accepted {
@@ -27,7 +28,7 @@ pub struct Accepted {
     pub after: Vec<obligations::Awaited>,
 }
 
-impl<'p> Oracle<'p> {
+impl<'p> Oracle<'_, 'p> {
     /// True if the tree has edits.
     pub fn is_edited(&self) -> bool {
         !self.run.tree.edits.is_empty()
@@ -55,6 +56,7 @@ impl<'p> Oracle<'p> {
                     let desc = call.args[0].as_desc().expect("descriptions are performed");
                     call.args[0] = Value::desc(desc.with(*key, value.clone()));
                 }
+                Body::Branch => {}
             }
         }
         if call.args.iter().zip(&written).any(|(new, old)| !new.identical(old)) {
@@ -80,6 +82,7 @@ impl<'p> Oracle<'p> {
                     at.map(|at| args[at].clone())
                 }
                 Body::Action => args[0].as_desc().and_then(|desc| desc.get(*key).cloned()),
+                Body::Branch => None,
             };
             if actual.as_ref() == Some(wanted) {
                 return None;
@@ -140,7 +143,7 @@ impl<'p> Oracle<'p> {
                 return Err("the value of the call is used".into());
             }
             What::WithParam(key, _) if it.plan.is_some() => {
-                if !self.function(plan).params.names.contains(key) {
+                if !self.world.program().functions[plan.at()].params.names.contains(key) {
                     return Err(format!("there is no parameter `{key}`"));
                 }
                 (None, false)

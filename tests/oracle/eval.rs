@@ -17,14 +17,18 @@ use vm::host::{CodeRequest, Host, Request};
 use vm::key::{Element, Step};
 use vm::machine::{Ctx, CtxParts, Draws};
 use vm::native::{Effect, Next, Raise, map_key, type_error};
+use vm::random::{hash_text, mix};
 
 use vm::value::{Imm, Map, Obj, Symbol, Value};
 
-use super::call::{Call, Original};
+use super::call::Original;
+use super::calls::calls_of;
+use super::fluents::Known;
 use super::forms::{Part, Place};
 use super::obligations::{Form, Obligation, branches};
+use super::tasks::{Oracle, Tasks};
 use super::tree::{Counts, Tree};
-use super::{MOST_DEPTH, MOST_FUEL, Ran, Trees, World};
+use super::{MOST_FUEL, Ran, Trees, World};
 
 /// How control leaves an expression without a value.
 pub enum Exit<'p> {
@@ -37,6 +41,10 @@ pub enum Exit<'p> {
     Propagate(Value),
     /// `(return v)`, on its way to the innermost loop or handler.
     Return(Value),
+    /// The task is stopped: clean-ups run on the way, and no handler takes it.
+    Evaporate(Value),
+    /// An expression over fluents does what it must not do: nothing of it is done any more.
+    Refused(&'static str),
     /// The function goes on as this one.
     Tail(Ready<'p>),
     /// The oracle cannot go on.
@@ -123,7 +131,7 @@ pub struct Here {
     pub way: Way,
     /// The forms around.
     pub place: Place,
-    /// The first form of the function that it belongs to, as a position on the stack.
+    /// The first form of the function that it belongs to, by its number.
     pub function_form: usize,
     /// What `(original)` runs, in the code of an edit.
     pub original: Option<Original>,
@@ -152,33 +160,30 @@ pub struct Handler<'p> {
 
 /// A tree being grown.
 pub struct Run<'p> {
+    /// Tells it from other runs.
+    pub number: u64,
     pub tree: Tree,
     /// The task clock, in nanoseconds.
     pub now: u64,
-    /// Fuel used in this round.
-    pub in_round: u64,
-    /// The forms that are being done, outermost first.
-    pub forms: Vec<Form>,
+    pub tasks: Tasks,
+    /// The forms that are being done, by their numbers: a later one has a greater number.
+    pub forms: BTreeMap<usize, Form>,
+    pub forms_made: usize,
     /// What they owe, in the order of its making.
     pub obligations: Vec<Obligation<'p>>,
-    /// The bodies of records that are being done, outermost first.
-    pub bodies: Vec<(usize, Rc<Call>)>,
-    /// The handlers around what is being done, outermost first.
-    pub handlers: Vec<Handler<'p>>,
     pub draws: Draws,
 }
 
 impl Run<'_> {
     pub fn new(tree: Tree) -> Self {
-        let (obligations, bodies, handlers) = (Vec::new(), Vec::new(), Vec::new());
         Run {
+            number: 0,
             tree,
             now: 0,
-            in_round: 0,
-            forms: vec![Form::default()],
-            obligations,
-            bodies,
-            handlers,
+            tasks: Tasks::of_root(),
+            forms: BTreeMap::from([(0, Form::default())]),
+            forms_made: 1,
+            obligations: Vec::new(),
             draws: Draws::default(),
         }
     }
@@ -200,65 +205,80 @@ impl Host for Output {
     }
 }
 
-/// Units of fuel in a round, and by how much a used-up round moves the clock.
-const QUANTUM: u64 = 1000;
-const QUANTUM_NS: u64 = 1_000_000;
 /// Lambdas get numbers from here on.
 const FIRST_LAMBDA: u32 = 1 << 30;
 
-/// The walker.
-pub struct Oracle<'p> {
+/// What all tasks of a program share.
+pub struct Walker<'p> {
     pub world: &'p mut dyn World,
     functions: &'p BTreeMap<FnId, Rc<Function>>,
     lambdas: Vec<&'p Function>,
     seed: u64,
     pub run: Run<'p>,
+    /// The runs that it is part of, outermost first: their tasks stand still.
+    pub outer: Vec<Run<'p>>,
+    /// How many runs have begun inside of the outermost.
+    pub inner_runs: u64,
     pub trees: Trees,
-    globals: BTreeMap<GlobalId, Value>,
+    /// What is known of fluents, by their numbers.
+    pub fluents: BTreeMap<u64, Known>,
+    /// The fuel that is left for what is computed from fluents, while that is done.
+    pub computing: Option<u64>,
+    /// Why a task cannot go on.
+    pub gave_up: Option<String>,
+    pub globals: BTreeMap<GlobalId, Value>,
     output: Output,
     /// Fuel used.
     fuel: u64,
     printed: usize,
-    fresh: u64,
-    depth: usize,
-    /// Call sites, known by the address of their expression, with what stands for them in draws.
+    pub fresh: u64,
+    /// Call sites, known by their addresses, with what stands for them in draws.
     sites: HashMap<usize, SiteId>,
     pub site_hashes: Vec<u64>,
+    /// What stands for calls in draws, by their addresses.
+    hashes: HashMap<usize, u64>,
 }
 
-impl<'p> Oracle<'p> {
+impl<'p> Walker<'p> {
     pub fn new(
         world: &'p mut dyn World,
         functions: &'p BTreeMap<FnId, Rc<Function>>,
         seed: u64,
-    ) -> Oracle<'p> {
-        Oracle {
+    ) -> Walker<'p> {
+        Walker {
             world,
             functions,
             lambdas: Vec::new(),
             seed,
             run: Run::new(Tree::begin(None)),
+            outer: Vec::new(),
+            inner_runs: 0,
             trees: Trees::new(),
+            fluents: BTreeMap::new(),
+            computing: None,
+            gave_up: None,
             globals: BTreeMap::new(),
             output: Output::default(),
             fuel: 0,
             printed: 0,
             fresh: 0,
-            depth: 0,
             sites: HashMap::new(),
             // Number 0 is the call of the plan of `run-plan`.
             site_hashes: vec![0],
+            hashes: HashMap::new(),
         }
     }
 
     /// Runs functions without arguments one after another, until one fails: those of the library,
     /// then those of the program.
-    pub fn run(mut self, library: &[FnId], start: &[FnId]) -> Result<Ran, String> {
+    pub fn run(self, library: &[FnId], start: &[FnId]) -> Result<Ran, String> {
+        let mut it = Oracle::outside(self);
         let mut outcome = Ok(Value::NIL);
         for id in library.iter().chain(start) {
-            let function = self.function(*id);
+            let function = it.function(*id);
             let root = Here::root(Some(*id));
-            outcome = match self.body_of(&root, function, Vec::new(), Vec::new()) {
+            it.run.tasks = Tasks::of_root();
+            outcome = match it.as_root(|it| it.body_of(&root, function, Vec::new(), Vec::new())) {
                 Ok(value) => Ok(value),
                 Err(Exit::Fail(failure)) => Err(failure),
                 Err(Exit::GiveUp(why)) => return Err(why),
@@ -275,11 +295,13 @@ impl<'p> Oracle<'p> {
             Ok(value) => (vm::tree::Status::Succeeded, value.clone()),
             Err(failure) => (vm::tree::Status::Failed, failure.clone()),
         };
-        let now = self.run.now;
-        self.run.tree.end(0, status, value, now);
-        Ok(Ran { outcome, tree: self.run.tree, output: self.output.0, trees: self.trees })
+        it.end_record(0, status, value);
+        let walker = it.into_walker();
+        Ok(Ran { outcome, tree: walker.run.tree, output: walker.output.0, trees: walker.trees })
     }
+}
 
+impl<'p> Oracle<'_, 'p> {
     /// A function by its number.
     pub fn function(&self, id: FnId) -> &'p Function {
         match id.0.checked_sub(FIRST_LAMBDA) {
@@ -293,18 +315,20 @@ impl<'p> Oracle<'p> {
         (id.0 < FIRST_LAMBDA).then_some(id)
     }
 
-    /// A unit of fuel. The clock moves when a round has used up its own and wants more.
-    pub fn burn(&mut self) -> Result<(), Exit<'p>> {
+    /// A unit of fuel.
+    pub fn burn(&mut self, here: &Here) -> Result<(), Exit<'p>> {
         self.fuel += 1;
         if self.fuel > MOST_FUEL {
             return Err(Exit::GiveUp("the program runs too long for the oracle".into()));
         }
-        if self.run.in_round == QUANTUM {
-            self.run.in_round = 0;
-            self.run.now += QUANTUM_NS;
+        match &mut self.computing {
+            None => self.use_turn(here),
+            Some(0) => Err(Exit::Refused("takes too long")),
+            Some(left) => {
+                *left -= 1;
+                Ok(())
+            }
         }
-        self.run.in_round += 1;
-        Ok(())
     }
 
     /// Raises a failure at a place.
@@ -468,7 +492,9 @@ impl<'p> Oracle<'p> {
                 self.native(here, expr, native, args, usage)
             }
             ExprKind::Original => self.original(here),
-            ExprKind::Fork { .. } => Err(Exit::GiveUp("the oracle does one thing at a time".into())),
+            ExprKind::Fork { kind, extra, branches } => {
+                self.fork(here, *kind, extra, branches, usage != Use::Effect)
+            }
         }
     }
 
@@ -527,7 +553,7 @@ impl<'p> Oracle<'p> {
                 Ok(Value::bool(more))
             });
             match round {
-                Ok(more) if more.is_true() => self.burn()?,
+                Ok(more) if more.is_true() => self.burn(here)?,
                 Ok(_) => return Ok(Value::NIL),
                 Err(Exit::Return(value)) => return Ok(value),
                 Err(exit) => return Err(exit),
@@ -549,7 +575,7 @@ impl<'p> Oracle<'p> {
             let inner =
                 Here { env: here.env.bind(var, item), way: here.way.then(key.clone()), ..here.clone() };
             match self.form(&inner, Part::Round(key), |it, here| it.body(here, body, Use::Effect)) {
-                Ok(_) => self.burn()?,
+                Ok(_) => self.burn(here)?,
                 Err(Exit::Return(value)) => return Ok(Some(value)),
                 Err(exit) => return Err(exit),
             }
@@ -579,15 +605,15 @@ impl<'p> Oracle<'p> {
     fn handle(&mut self, here: &Here, clauses: &'p [Clause], body: &'p [Expr], usage: Use) -> Eval<'p> {
         loop {
             let counts = self.run.tree.records[here.rec].counts.clone();
-            self.run.handlers.push(Handler { clauses, here: here.clone(), counts: counts.clone() });
+            self.stacks.handlers.push(Handler { clauses, here: here.clone(), counts: counts.clone() });
             let result = self.form(here, Part::Guarded, |it, here| it.body(here, body, usage));
-            self.run.handlers.pop();
+            self.stacks.handlers.pop();
             let Err(Exit::Fail(failure)) = result else { return result };
             match self.take(here, clauses, failure)? {
                 Some(value) => return Ok(value),
                 None => {
                     // Back to the beginning of the body: nothing of the form is over.
-                    self.burn()?;
+                    self.burn(here)?;
                     self.form_restarts();
                     self.run.tree.records[here.rec].counts = counts;
                 }
@@ -623,60 +649,64 @@ impl<'p> Oracle<'p> {
             Err(Exit::Retry) => Ok(None),
             Err(Exit::Return(value)) => Ok(Some(value)),
             Err(Exit::Fail(new)) => Err(Exit::Fail(caused_by(&new, &failure))),
+            Err(Exit::Evaporate(stopped)) => Err(Exit::Evaporate(caused_by(&stopped, &failure))),
             Err(exit) => Err(exit),
         }
     }
 
     fn protect(&mut self, here: &Here, body: &'p Expr, cleanup: &'p [Expr], usage: Use) -> Eval<'p> {
         let result = self.eval(here, body, usage);
-        if let Err(Exit::GiveUp(_)) = result {
+        if gave_up(&result) {
             return result;
         }
+        self.begin_clean_up();
         let cleaned = self.form(here, Part::CleanUp, |it, here| it.body(here, cleanup, Use::Effect));
+        self.end_clean_up();
         match (result, cleaned) {
-            (result, Ok(_)) => result,
-            (Err(Exit::Fail(failure)), Err(Exit::Fail(other) | Exit::Propagate(other))) => {
-                Err(Exit::Fail(with_also(&failure, other)))
-            }
-            (Err(Exit::Propagate(failure)), Err(Exit::Fail(other) | Exit::Propagate(other))) => {
-                Err(Exit::Propagate(with_also(&failure, other)))
-            }
+            (Err(exit), Err(Exit::Fail(other) | Exit::Propagate(other))) => Err(beside(exit, other)),
             (_, Err(exit)) => Err(exit),
+            (Err(exit @ (Exit::Fail(_) | Exit::Propagate(_) | Exit::Evaporate(_))), Ok(_)) => Err(exit),
+            // Who was to be stopped meanwhile could not be.
+            (result, Ok(_)) => self.stop_if_asked().and(result),
         }
     }
 
     // ------------------------------------------------------------------ sites
 
-    /// The number of a call.
-    pub fn site(&mut self, here: &Here, expr: &'p Expr, name: Symbol) -> SiteId {
+    /// The number of a call, or of a branch, known by its address.
+    pub fn site(&mut self, at: usize) -> SiteId {
         let next = SiteId(self.site_hashes.len() as u32);
-        let known = *self.sites.entry(address(expr)).or_insert(next);
+        let known = *self.sites.entry(at).or_insert(next);
         if known == next {
-            let hash = self.site_hash(here, expr, name);
+            let hash = self.hashes.get(&at).copied().unwrap_or_default();
             self.site_hashes.push(hash);
         }
         known
     }
 
-    /// What stands for a call in keyed draws: it has no meaning, so the machine's is taken.
-    fn site_hash(&self, here: &Here, expr: &'p Expr, name: Symbol) -> u64 {
-        let program = self.world.program();
-        let owner = here.owner.map(|owner| &program.functions[owner.at()]);
-        let sites = owner
-            .map_or(&program.sites[..], |it| &program.sites[it.sites.start as usize..it.sites.end as usize]);
-        let at = (expr.span.file.0, expr.span.start, expr.span.end);
-        let here = |site: &&vm::code::Site| {
-            let place = program.places[site.pc.at()];
-            site.name == name && (place.file, place.start, place.end) == at
-        };
-        sites.iter().find(here).map_or(0, |site| site.hash)
+    /// What stands for the calls of a function in keyed draws: its name, and which it is of those that
+    /// are called by one name.
+    pub fn hash_calls(&mut self, function: &'p Function) {
+        let Some(last) = function.body.last() else { return };
+        if self.hashes.contains_key(&address(last)) {
+            return;
+        }
+        self.hashes.insert(address(last), 0);
+        let mut seen: HashMap<Symbol, u64> = HashMap::new();
+        for (at, name) in calls_of(self.world.program(), function) {
+            let number = seen.entry(name).or_insert(0);
+            *number += 1;
+            let hash = mix(hash_text(&function.name) ^ mix(*number) ^ hash_text(&name));
+            self.hashes.insert(at, hash);
+        }
     }
 
     // ------------------------------------------------------------------ natives
 
     /// What a native answers.
     pub fn ask_native(&mut self, here: &Here, native: NativeId, args: &[Value]) -> Result<Next, Raise> {
-        let program = self.world.program();
+        let Walker { world, run, seed, printed, fresh, output, .. } = &mut **self;
+        let program = world.program();
         let native = &program.natives[native.at()];
         let (least, most) = native.arity;
         if args.len() < usize::from(least) || most.is_some_and(|most| args.len() > usize::from(most)) {
@@ -699,29 +729,18 @@ impl<'p> Oracle<'p> {
         let mut no_world = None;
         let mut ctx = Ctx::new(CtxParts {
             program,
-            tree: &self.run.tree.mirror,
-            rec: self.run.tree.records[here.rec].mirror,
-            draws: &mut self.run.draws,
-            seed: self.seed,
-            now: self.run.now,
-            printed: &mut self.printed,
-            fresh: &mut self.fresh,
+            tree: &run.tree.mirror,
+            rec: run.tree.records[here.rec].mirror,
+            draws: &mut run.draws,
+            seed: *seed,
+            now: run.now,
+            printed,
+            fresh,
             output_limit: usize::MAX,
-            host: &mut self.output,
+            host: output,
             world: &mut no_world,
         });
         (native.run)(&mut ctx, args)
-    }
-
-    /// Goes one call deeper, if the stack has room.
-    pub fn deeper(&mut self, work: impl FnOnce(&mut Self) -> Eval<'p>) -> Eval<'p> {
-        if self.depth == MOST_DEPTH {
-            return Err(Exit::GiveUp("calls are nested too deep for the oracle".into()));
-        }
-        self.depth += 1;
-        let result = work(self);
-        self.depth -= 1;
-        result
     }
 
     /// The arguments of a call of a function of the program, in the order of the text: keywords may
@@ -758,8 +777,7 @@ impl<'p> Oracle<'p> {
         match callee {
             Callee::Function(id) => {
                 let args = self.arguments(here, args, Some(&self.function(*id).params))?;
-                let name = self.world.program().functions[id.at()].name;
-                self.burn()?;
+                self.burn(here)?;
                 let function = self.function(*id);
                 let ready = Ready {
                     function,
@@ -768,27 +786,22 @@ impl<'p> Oracle<'p> {
                     args,
                     place: here.place.clone(),
                 };
-                self.call_function(here, expr, name, ready, usage)
+                self.call_function(here, expr, ready, usage)
             }
             Callee::Plan(id) => {
                 let args = self.arguments(here, args, Some(&self.function(*id).params))?;
-                let name = self.world.program().functions[id.at()].name;
-                self.burn()?;
-                self.call_plan(here, expr, name, *id, args, false, usage)
+                self.burn(here)?;
+                self.call_plan(here, expr, *id, args, false, usage)
             }
             Callee::Native(native) => {
                 let args = self.arguments(here, args, None)?;
                 self.native(here, expr, *native, args, usage)
             }
             Callee::Value(callee) => {
-                let name = match &callee.kind {
-                    ExprKind::Global(global) => self.world.program().globals[global.at()],
-                    _ => Symbol::from("call"),
-                };
                 let callee = self.value(here, callee)?;
                 let args = self.arguments(here, args, None)?;
-                self.burn()?;
-                self.call_value(here, expr, name, &callee, args, usage)
+                self.burn(here)?;
+                self.call_value(here, expr, &callee, args, usage)
             }
         }
     }
@@ -800,7 +813,7 @@ pub fn address(expr: &Expr) -> usize {
 }
 
 /// The elements that a loop walks over, and the failure at their end if there is one.
-fn elements(over: &Value) -> (Vec<Value>, Option<Raise>) {
+pub fn elements(over: &Value) -> (Vec<Value>, Option<Raise>) {
     match over.obj() {
         Some(Obj::Vector(items)) => (items.iter().cloned().collect(), None),
         Some(Obj::Map(map)) => (map.iter().map(|(k, v)| Value::list([k.clone(), v.clone()])).collect(), None),
@@ -818,7 +831,7 @@ fn elements(over: &Value) -> (Vec<Value>, Option<Raise>) {
 
 /// The keys of the rounds: the element and its rank among equal ones before it, or the number of
 /// the round for what cannot be stored.
-fn round_keys(items: &[Value]) -> Vec<Step> {
+pub fn round_keys(items: &[Value]) -> Vec<Step> {
     let mut seen: HashMap<Element, u32> = HashMap::new();
     let key = |(at, item)| match Element::of(item) {
         Some(element) => {
@@ -854,6 +867,21 @@ fn add_cause(failure: &Value, first: &Value) -> Value {
     let Some(it) = failure.as_failure() else { return failure.clone() };
     let cause = it.cause.as_ref().map_or_else(|| first.clone(), |cause| add_cause(cause, first));
     Value::failure(Failure { cause: Some(cause), ..it.clone() })
+}
+
+/// A way out on which something else fails: that is beside a failure, and comes before a jump.
+pub fn beside<'p>(exit: Exit<'p>, other: Value) -> Exit<'p> {
+    match exit {
+        Exit::Fail(failure) => Exit::Fail(with_also(&failure, other)),
+        Exit::Propagate(failure) => Exit::Propagate(with_also(&failure, other)),
+        Exit::Evaporate(stopped) => Exit::Evaporate(with_also(&stopped, other)),
+        _ => Exit::Fail(other),
+    }
+}
+
+/// True if nothing more is to be done.
+pub fn gave_up(result: &Eval<'_>) -> bool {
+    matches!(result, Err(Exit::GiveUp(_) | Exit::Refused(_)))
 }
 
 /// A failure, with another one that came after it.

@@ -26,6 +26,8 @@ pub enum Part {
     CleanUp,
     /// What runs in the node of a slot.
     Node(usize),
+    /// A branch of a parallel form, or its round of one that goes over a list.
+    Branch(usize, Option<Step>),
     /// The code of an edit.
     Code(usize),
 }

@@ -5,19 +5,25 @@
 //! what is not semantics: values, natives, types of failures, the text of values. A program must
 //! give the same tree and print the same on both.
 //!
-//! Read [`eval`] first, then [`call`] (calls and their edits), [`forms`] (where something stands),
-//! [`tree`], [`edits`], [`obligations`] (`defer` and `owe`). [`text`] writes both trees in one way;
-//! [`random`] makes programs; [`shrink`] makes a program smaller that tells the two apart.
+//! Read [`eval`] first, then [`call`] (calls and their edits), [`tasks`] (turns, rounds, the clock),
+//! [`branches`] (parallel forms), [`fluents`], [`forms`] (where something stands), [`tree`], [`edits`],
+//! [`obligations`] (`defer` and `owe`); [`calls`] gives calls the numbers that draws are keyed by.
+//! [`text`] writes both trees in one way; [`random`] makes programs, `concurrency` concurrent ones;
+//! [`shrink`] makes a program smaller that tells the two apart.
 
 pub mod both;
+mod branches;
 mod call;
+mod calls;
 mod edits;
 mod eval;
+mod fluents;
 mod forms;
 mod obligations;
 pub mod random;
 pub mod seeds;
 pub mod shrink;
+mod tasks;
 pub mod text;
 mod tree;
 
@@ -29,7 +35,7 @@ use vm::code::{FnId, Program};
 use vm::host::CodeRequest;
 use vm::value::Value;
 
-pub use eval::Oracle;
+use eval::Walker;
 pub use tree::Tree;
 
 /// The program that an oracle runs.
@@ -57,11 +63,9 @@ pub struct Ran {
 /// The oracle's tree for each tree that is a value.
 pub type Trees = Vec<(Rc<vm::tree::Tree>, Rc<Tree>)>;
 
-/// How much fuel a program may use, how many steps a key may have, and how deep the walker may
-/// recurse, before it gives up.
+/// How much fuel a program may use, and how many steps a key may have, before the oracle gives up.
 const MOST_FUEL: u64 = 50_000;
 const MOST_STEPS: usize = 1000;
-const MOST_DEPTH: usize = 20_000;
 /// Enough for that.
 const STACK_BYTES: usize = 1 << 30;
 
@@ -69,7 +73,7 @@ const STACK_BYTES: usize = 1 << 30;
 /// compute the constants of the library, then those of the program.
 ///
 /// # Errors
-/// What the oracle does not do: answers from outside, runs that meet a limit.
+/// What the oracle does not do: answers from outside, runs that meet a limit, forms with very many branches.
 pub fn run(
     world: &mut dyn World,
     functions: &BTreeMap<FnId, Rc<Function>>,
@@ -77,7 +81,7 @@ pub fn run(
     start: &[FnId],
     seed: u64,
 ) -> Result<Ran, String> {
-    Oracle::new(world, functions, seed).run(library, start)
+    Walker::new(world, functions, seed).run(library, start)
 }
 
 /// Does `work` in a thread whose stack is large enough for [`run`].

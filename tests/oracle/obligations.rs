@@ -13,9 +13,10 @@ use vm::tree::{NodeKind, Status, Why};
 use vm::value::{Symbol, Value};
 
 use super::Tree;
-use super::call::Call;
-use super::eval::{Eval, Exit, Handler, Here, Oracle, Way, with_also};
+use super::call::{Body, Call};
+use super::eval::{Eval, Exit, Handler, Here, Run, Way, beside, gave_up};
 use super::forms::{Part, Place};
+use super::tasks::Oracle;
 
 /// A form that is being done.
 #[derive(Default)]
@@ -124,7 +125,7 @@ pub fn check_cycle(tree: &Tree, slot: usize, after: &[Awaited]) -> Result<(), St
     Ok(())
 }
 
-impl<'p> Oracle<'p> {
+impl<'p> Oracle<'_, 'p> {
     // ------------------------------------------------------------------ forms
 
     /// Does a part of the form that `here` stands in, as a form of its own.
@@ -134,33 +135,107 @@ impl<'p> Oracle<'p> {
         part: Part,
         work: impl FnOnce(&mut Self, &Here) -> Eval<'p>,
     ) -> Eval<'p> {
-        let inner = Here { place: here.place.inside(part.clone()), ..here.clone() };
-        let handlers = self.run.handlers.len();
-        self.run.forms.push(Form { place: inner.place.clone(), rec: here.rec, handlers, ..Form::default() });
-        let mut result = work(self, &inner);
-        let form = self.run.forms.len() - 1;
-        // What it owes is performed before it ends, whatever ends it. (1)
-        while let (false, Some(next)) = (gave_up(&result), self.next_at_end(form)) {
-            result = and_then(result, self.discharge(next));
-        }
-        self.run.forms.pop();
-        self.run.forms[form - 1].ended.push(part);
-        while let (Ok(_), Some(next)) = (&result, self.next_due(form - 1)) {
+        let place = here.place.inside(part.clone());
+        let inner = Here { place: place.clone(), ..here.clone() };
+        let mut result = self.whole_form(place, here.rec, |it| work(it, &inner));
+        let around = self.running_form();
+        self.form_mut(around).ended.push(part);
+        while let (Ok(_), Some(next)) = (&result, self.next_due(around)) {
             result = and_then(result, self.discharge(next));
         }
         result
     }
 
+    /// Does a branch of a parallel form, as a form of its own. What the parallel form owes is not its
+    /// business.
+    pub fn branch_form(
+        &mut self,
+        here: &Here,
+        place: Place,
+        work: impl FnOnce(&mut Self, Place) -> Eval<'p>,
+    ) -> Eval<'p> {
+        let part = here.place.part_with(&place).expect("a branch stands in its form");
+        let result = self.whole_form(place.clone(), here.rec, |it| work(it, place));
+        let around = self.running_form();
+        self.form_mut(around).ended.push(part);
+        result
+    }
+
+    /// A form, and what it owes at its end.
+    fn whole_form(&mut self, place: Place, rec: usize, work: impl FnOnce(&mut Self) -> Eval<'p>) -> Eval<'p> {
+        let handlers = self.stacks.handlers.len();
+        let form = self.push_form(Form { place, rec, handlers, ..Form::default() });
+        let mut result = work(self);
+        if matches!(result, Err(Exit::Evaporate(_))) && self.run.tasks.is_emergency(self.me) {
+            self.drop_owed(form);
+        }
+        // What it owes is performed before it ends, whatever ends it. (1)
+        while let (false, Some(next)) = (gave_up(&result), self.next_at_end(form)) {
+            // Because it fails, or is stopped: then that is clean-up. (9)
+            let cleans_up = matches!(&result, Err(Exit::Fail(_) | Exit::Propagate(_) | Exit::Evaporate(_)));
+            if cleans_up {
+                self.begin_clean_up();
+            }
+            let owed = self.discharge(next);
+            if cleans_up {
+                self.end_clean_up();
+            }
+            result = and_then(result, owed);
+        }
+        self.pop_form();
+        result
+    }
+
+    /// In an emergency what a form owes is not performed. (9)
+    fn drop_owed(&mut self, form: usize) {
+        let owed = std::mem::take(&mut self.run.obligations);
+        let (dropped, kept): (Vec<_>, Vec<_>) = owed.into_iter().partition(|it| it.form == form);
+        self.run.obligations = kept;
+        for it in dropped {
+            self.run.tree.records[it.rec].why = Why::Emergency;
+            self.end_record(it.rec, Status::Evaporated, Value::NIL);
+        }
+    }
+
+    fn push_form(&mut self, form: Form) -> usize {
+        let number = self.run.forms_made;
+        self.run.forms_made += 1;
+        self.run.forms.insert(number, form);
+        self.stacks.forms.push(number);
+        number
+    }
+
+    fn pop_form(&mut self) {
+        let form = self.running_form();
+        self.stacks.forms.pop();
+        self.run.forms.remove(&form);
+    }
+
+    fn running_form(&self) -> usize {
+        *self.stacks.forms.last().expect("the root is a form")
+    }
+
+    fn form_mut(&mut self, form: usize) -> &mut Form {
+        self.run.forms.get_mut(&form).expect("it is being done")
+    }
+
+    /// The innermost form that is as wanted.
+    fn find_form(&self, wanted: impl Fn(&Form) -> bool) -> Option<usize> {
+        let forms = &self.run.forms;
+        self.stacks.forms.iter().rev().copied().find(|form| wanted(&forms[form]))
+    }
+
     /// The running form has branches: of these only one is done.
     pub fn branches(&mut self, branches: &[&[Expr]]) {
         let parts = |body: &&[Expr]| body.iter().map(|expr| Part::Expr(super::eval::address(expr))).collect();
-        self.run.forms.last_mut().expect("the root is a form").branches =
-            branches.iter().map(parts).collect();
+        let form = self.running_form();
+        self.form_mut(form).branches = branches.iter().map(parts).collect();
     }
 
     /// A round of the running form begins.
     pub fn round_begins(&mut self, keys: &Rc<Vec<Step>>, at: usize) {
-        let form = self.run.forms.last_mut().expect("the root is a form");
+        let form = self.running_form();
+        let form = self.form_mut(form);
         form.rounds = Some((keys.clone(), at + 1));
         if at == 0 {
             let place = form.place.clone();
@@ -170,12 +245,13 @@ impl<'p> Oracle<'p> {
 
     /// A retry: the parts of the running form are still to come.
     pub fn form_restarts(&mut self) {
-        self.run.forms.last_mut().expect("the root is a form").ended.clear();
+        let form = self.running_form();
+        self.form_mut(form).ended.clear();
     }
 
-    /// True if a form from number `first` on owes something.
+    /// True if one of its forms from number `first` on owes something.
     pub fn owes(&self, first: usize) -> bool {
-        self.run.obligations.iter().any(|it| it.form >= first)
+        self.run.obligations.iter().any(|it| it.form >= first && self.stacks.forms.contains(&it.form))
     }
 
     // ------------------------------------------------------------------ when
@@ -186,7 +262,7 @@ impl<'p> Oracle<'p> {
         let is_due = |it: &&Obligation<'p>| {
             let over = match &it.side {
                 Side::Never => false,
-                Side::Part(part) => self.run.forms[form].ended.contains(part),
+                Side::Part(part) => self.run.forms[&form].ended.contains(part),
                 Side::Later(before) => {
                     let records = &self.run.tree.slots[it.after].records;
                     let last = records.last().map(|rec| self.run.tree.records[*rec].status);
@@ -214,7 +290,11 @@ impl<'p> Oracle<'p> {
                 return Some(*free);
             }
             let further = held.iter().find_map(|at| {
-                let outer = waits_for(at).filter(|outer| self.run.obligations[*outer].form < form)?;
+                let is_outer = |owed: &usize| {
+                    let other = self.run.obligations[*owed].form;
+                    other < form && self.stacks.forms.contains(&other)
+                };
+                let outer = waits_for(at).filter(is_outer)?;
                 Some((*at, outer))
             });
             let Some((at, outer)) = further else { return Some(first) };
@@ -231,7 +311,7 @@ impl<'p> Oracle<'p> {
         if let Some(at) = self.run.obligations.iter().position(|it| it.slot == slot) {
             let old = self.run.obligations.remove(at);
             self.run.tree.records[old.rec].why = Why::Superseded;
-            self.run.tree.end(old.rec, Status::Evaporated, Value::NIL, self.run.now);
+            self.end_record(old.rec, Status::Evaporated, Value::NIL);
         }
     }
 
@@ -250,8 +330,8 @@ impl<'p> Oracle<'p> {
         let goals = self.move_goals(form);
         let edits = call.edits.iter().copied().filter(|id| !defers.contains(id)).collect();
         let what = Owed::Call(Rc::new(Call { edits, ..Call::clone(call) }));
-        let handlers = self.run.handlers[self.run.forms[form].handlers..].to_vec();
-        let holder = self.run.tree.records[self.run.forms[form].rec].slot;
+        let handlers = self.stacks.handlers[self.run.forms[&form].handlers..].to_vec();
+        let holder = self.run.tree.records[self.run.forms[&form].rec].slot;
         let record = &mut self.run.tree.records[call.rec];
         record.status = Status::Deferred;
         record.performed_in = Some(holder);
@@ -274,7 +354,7 @@ impl<'p> Oracle<'p> {
     /// The common form of a call and a slot that is still to come, its side, and its order there.
     fn ahead(&self, call: &Call, awaited: &Awaited) -> Option<(usize, Side, usize)> {
         let form = self.common_form(call, awaited)?;
-        let it = &self.run.forms[form];
+        let it = &self.run.forms[&form];
         if let Some((mine, theirs)) = self.same_call(call, awaited) {
             // The same call again: it comes if it is a later one.
             let [mine, theirs] = [mine, theirs].map(|slot| &self.run.tree.slots[slot]);
@@ -287,7 +367,12 @@ impl<'p> Oracle<'p> {
         let branch_of = |part: &Part| it.branches.iter().position(|branch| branch.contains(part));
         let branches = (branch_of(&part), mine.as_ref().and_then(branch_of));
         let excluded = matches!(branches, (Some(theirs), Some(mine)) if theirs != mine);
-        if it.ended.contains(&part) || excluded {
+        // A branch that is put off is not over. (7)
+        let there = it.place.inside(part.clone()).parts();
+        let is_owed = |owed: &Obligation<'p>| self.run.tree.slots[owed.slot].place.parts() == there;
+        let is_branch = matches!(part, Part::Branch(..));
+        let over = it.ended.contains(&part) && !(is_branch && self.run.obligations.iter().any(is_owed));
+        if over || excluded {
             return None;
         }
         let order = match (&part, &it.rounds) {
@@ -301,6 +386,8 @@ impl<'p> Oracle<'p> {
                 }
                 at
             }
+            // Branches are done at once: the last one is the one that was named last.
+            _ if is_branch => 0,
             _ => awaited.order,
         };
         Some((form, Side::Part(part), order))
@@ -330,19 +417,19 @@ impl<'p> Oracle<'p> {
             let turn = theirs.iter().rposition(|part| *part == Part::Turn);
             let body = theirs.iter().rposition(|part| matches!(part, Part::Node(_)));
             let outer = &theirs[..turn.or(body.map(|at| at + 1)).unwrap_or(0)];
-            return self.run.forms.iter().rposition(|form| !form.is_shadow && form.place.parts() == outer);
+            return self.find_form(|form| !form.is_shadow && form.place.parts() == outer);
         }
         let contains =
             |form: &Form, parts: &[Part]| !form.is_shadow && parts.starts_with(&form.place.parts());
-        self.run.forms.iter().rposition(|form| {
+        self.find_form(|form| {
             contains(form, &mine) && contains(form, &theirs) && form.place.parts().len() < theirs.len()
         })
     }
 
     /// Goals of tasks between the running call and a form are checked later. (6)
     fn move_goals(&mut self, form: usize) -> Vec<(usize, Rc<Call>)> {
-        let holder = self.run.forms[form].rec;
-        let between = self.run.bodies.iter().rev().take_while(|(rec, _)| *rec != holder);
+        let holder = self.run.forms[&form].rec;
+        let between = self.stacks.bodies.iter().rev().take_while(|(rec, _)| *rec != holder);
         let goals: Vec<(usize, Rc<Call>)> =
             between.filter(|(_, call)| call.goal.is_some()).cloned().collect();
         for (rec, _) in &goals {
@@ -359,20 +446,19 @@ impl<'p> Oracle<'p> {
             let (owner, function) = accepted.code.expect("what is owed is code");
             let Some((form, after, side)) = self.owing_form(call, &accepted.after) else { continue };
             let goals = self.move_goals(form);
-            let open = self.run.obligations.iter_mut().find(|it| {
-                it.form == form
-                    && matches!(it.what, Owed::Code(..))
-                    && self.run.tree.slots[it.slot].name == *name
+            let Run { obligations, tree, .. } = &mut self.run;
+            let open = obligations.iter_mut().find(|it| {
+                it.form == form && matches!(it.what, Owed::Code(..)) && tree.slots[it.slot].name == *name
             });
             if let Some(open) = open {
                 (open.after, open.side) = (after, side);
                 open.goals.extend(goals);
                 continue;
             }
-            let holder = self.run.forms[form].rec;
+            let holder = self.run.forms[&form].rec;
             let (slot, rec) = self.owed_record(holder, *name);
             let what = Owed::Code(owner, function, id, call.args.clone());
-            let handlers = self.run.handlers[self.run.forms[form].handlers..].to_vec();
+            let handlers = self.stacks.handlers[self.run.forms[&form].handlers..].to_vec();
             self.run.obligations.push(Obligation { slot, rec, what, form, after, side, handlers, goals });
         }
     }
@@ -382,11 +468,12 @@ impl<'p> Oracle<'p> {
     fn owing_form(&self, call: &Call, after: &[Awaited]) -> Option<(usize, usize, Side)> {
         let Some(form) = after.iter().filter_map(|it| self.common_form(call, it)).min() else {
             // The call alone: its own form owes it.
-            let form =
-                self.run.forms.iter().rposition(|form| !form.is_shadow && form.rec == call.here.rec)?;
+            let is_branch = matches!(call.body, Body::Branch);
+            let around = |form: &Form| !is_branch || form.place.part_with(&call.here.place).is_some();
+            let form = self.find_form(|form| !form.is_shadow && form.rec == call.here.rec && around(form))?;
             return Some((form, call.slot, Side::Never));
         };
-        let own = Side::Part(self.run.forms[form].place.part_with(&call.here.place)?);
+        let own = Side::Part(self.run.forms[&form].place.part_with(&call.here.place)?);
         let ahead = after.iter().filter_map(|awaited| match self.ahead(call, awaited)? {
             (common, side, order) if common == form => Some((order + 1, awaited.slot, side)),
             // It comes in the part of the form that the call itself is in.
@@ -398,7 +485,8 @@ impl<'p> Oracle<'p> {
 
     fn owed_record(&mut self, holder: usize, name: Symbol) -> (usize, usize) {
         let slot = self.run.tree.slot(holder, (SiteId(0), vec![Step::Name(name)]), name, |_| 0);
-        let rec = self.run.tree.enter(holder, slot, NodeKind::Plan, Vec::new(), self.run.now);
+        let now = self.run.now;
+        let rec = self.run.tree.enter(holder, slot, NodeKind::Plan, Vec::new(), now);
         self.run.tree.records[rec].status = Status::Deferred;
         (slot, rec)
     }
@@ -408,18 +496,20 @@ impl<'p> Oracle<'p> {
     /// Performs what is owed, in the form that is on top of the stack.
     fn discharge(&mut self, at: usize) -> Result<(), Exit<'p>> {
         let mut owed = self.run.obligations.remove(at);
-        let counts: Vec<_> = self.run.tree.records.iter().map(|record| record.counts.clone()).collect();
-        let form = &self.run.forms[owed.form];
+        let counts = self.counts_around(&owed);
+        let form = &self.run.forms[&owed.form];
         let shadow = Form { place: form.place.clone(), rec: form.rec, is_shadow: true, ..Form::default() };
-        let handlers = self.run.handlers.split_off(form.handlers);
+        let handlers = self.stacks.handlers.split_off(form.handlers);
         // What is put off meanwhile is performed inside of its handlers as well.
-        self.run.handlers.extend(owed.handlers.iter().cloned());
-        self.run.forms.push(shadow);
+        self.stacks.handlers.extend(owed.handlers.iter().cloned());
+        self.push_form(shadow);
+        let holder = self.run.tree.records[owed.rec].performed_in;
+        self.stacks.late.push(holder);
         let mut result = self.attempt_of(&owed).map(drop);
         let mut around = owed.handlers.clone();
         while let Err(Exit::Fail(failure)) = &result {
             let Some(Handler { clauses, here, counts: before }) = around.pop() else { break };
-            self.run.handlers.pop();
+            self.stacks.handlers.pop();
             // Calls in a handler are attempts, one for each run of it.
             let now = std::mem::replace(&mut self.run.tree.records[here.rec].counts, before);
             let taken = self.take(&here, clauses, failure.clone());
@@ -427,34 +517,39 @@ impl<'p> Oracle<'p> {
             match taken {
                 Ok(Some(_)) => result = Ok(()),
                 Ok(None) => {
-                    self.burn()?;
-                    self.restore_counts(&counts);
+                    self.burn(&here)?;
+                    for (rec, counts) in &counts {
+                        self.run.tree.records[*rec].counts.clone_from(counts);
+                    }
                     owed.rec = self.again(&owed);
-                    self.run.handlers.extend(owed.handlers[around.len()..].iter().cloned());
+                    self.stacks.handlers.extend(owed.handlers[around.len()..].iter().cloned());
                     around.clone_from(&owed.handlers);
                     result = self.attempt_of(&owed).map(drop);
                 }
                 Err(exit) => result = Err(exit),
             }
         }
-        self.run.forms.pop();
-        self.run.handlers.truncate(self.run.forms[owed.form].handlers);
-        self.run.handlers.extend(handlers);
+        self.stacks.late.pop();
+        self.pop_form();
+        self.stacks.handlers.truncate(self.run.forms[&owed.form].handlers);
+        self.stacks.handlers.extend(handlers);
         result
     }
 
-    /// A retry takes back how often calls were counted.
-    fn restore_counts(&mut self, counts: &[super::tree::Counts]) {
-        for (record, counts) in self.run.tree.records.iter_mut().zip(counts) {
-            record.counts.clone_from(counts);
-        }
+    /// How often calls were counted in the records that performing it may count in: a retry takes back
+    /// what is counted there.
+    fn counts_around(&self, owed: &Obligation<'p>) -> Vec<(usize, super::tree::Counts)> {
+        let own = if let Owed::Call(call) = &owed.what { Some(call.here.rec) } else { None };
+        let records = own.into_iter().chain(owed.handlers.iter().map(|handler| handler.here.rec));
+        records.map(|rec| (rec, self.run.tree.records[rec].counts.clone())).collect()
     }
 
     /// The record of the next attempt of what is owed.
     fn again(&mut self, owed: &Obligation<'p>) -> usize {
         let old = self.run.tree.records[owed.rec].clone();
         let parent = old.parent.expect("only the root has no parent");
-        let rec = self.run.tree.enter(parent, owed.slot, old.kind, old.args, self.run.now);
+        let now = self.run.now;
+        let rec = self.run.tree.enter(parent, owed.slot, old.kind, old.args, now);
         let it = &mut self.run.tree.records[rec];
         (it.written, it.performed_in) = (old.written, old.performed_in);
         rec
@@ -464,7 +559,7 @@ impl<'p> Oracle<'p> {
         let now = self.run.now;
         let record = &mut self.run.tree.records[owed.rec];
         (record.status, record.start) = (Status::Running, now);
-        let holder = Here { rec: self.run.forms[owed.form].rec, ..Here::root(None) };
+        let holder = Here { rec: self.run.forms[&owed.form].rec, ..Here::root(None) };
         let value = match &owed.what {
             Owed::Call(call) => self.perform(&Rc::new(Call { rec: owed.rec, ..Call::clone(call) }))?,
             Owed::Code(owner, function, id, args) => {
@@ -490,34 +585,25 @@ impl<'p> Oracle<'p> {
         (owner, function, id): (FnId, &'p Function, usize),
         args: Vec<Value>,
     ) -> Eval<'p> {
-        let place = self.run.forms[owed.form].place.clone();
+        let place = self.run.forms[&owed.form].place.clone();
         let way = Way::default().then(Step::Edit(id as u32 + 1));
         let here = Here { rec: owed.rec, way, place, owner: Some(owner), ..holder.clone() };
         let result = self.deeper(|it| {
             it.form(&here, Part::Code(id), |it, here| it.body_of(here, function, Vec::new(), args))
         });
-        let now = self.run.now;
         match &result {
-            Ok(value) => self.run.tree.end(owed.rec, Status::Succeeded, value.clone(), now),
-            Err(Exit::Fail(failure)) => self.run.tree.end(owed.rec, Status::Failed, failure.clone(), now),
-            Err(_) => {}
+            Ok(value) => self.end_record(owed.rec, Status::Succeeded, value.clone()),
+            Err(exit) => self.left_by(owed.rec, exit),
         }
         result
     }
-}
-
-fn gave_up(result: &Eval<'_>) -> bool {
-    matches!(result, Err(Exit::GiveUp(_)))
 }
 
 /// How a form ends in which something owed ended so: a failure beside another is kept there. (9)
 fn and_then<'p>(result: Eval<'p>, owed: Result<(), Exit<'p>>) -> Eval<'p> {
     match (result, owed) {
         (result, Ok(())) => result,
-        (Err(Exit::Fail(failure)), Err(Exit::Fail(other))) => Err(Exit::Fail(with_also(&failure, other))),
-        (Err(Exit::Propagate(failure)), Err(Exit::Fail(other))) => {
-            Err(Exit::Propagate(with_also(&failure, other)))
-        }
+        (Err(exit), Err(Exit::Fail(other))) => Err(beside(exit, other)),
         (_, Err(exit)) => Err(exit),
     }
 }

@@ -7,10 +7,16 @@ use super::shrink::shrink;
 /// The program of a seed, as small as it could be made, and what both make of it.
 #[must_use]
 pub fn report(seed: u64) -> String {
-    let program = random_program(seed);
-    let small = shrink(&program, |program| matches!(compare(program, seed), Verdict::Different(..)));
+    report_of("", &random_program(seed), seed)
+}
+
+/// The same for any program, after a head that stays as it is.
+#[must_use]
+pub fn report_of(head: &str, program: &str, seed: u64) -> String {
+    let compared = |program: &str| compare(&format!("{head}{program}"), seed);
+    let small = shrink(program, |program| matches!(compared(program), Verdict::Different(..)));
     let small = grammar::format(&small).unwrap_or(small);
-    let (machine, oracle) = match compare(&small, seed) {
+    let (machine, oracle) = match compared(&small) {
         Verdict::Different(machine, oracle) => (machine, oracle),
         other => return format!("seed {seed} does not show it again: {other:?}"),
     };

@@ -72,6 +72,22 @@ pub fn of_outcome(outcome: &Result<Value, Value>) -> String {
     }
 }
 
+/// Gives all failures in a value the paths of their tasks. `tree` is that of their run.
+pub fn name_all(tree: &vm::tree::Tree, value: &Value) {
+    name_tasks(tree, value);
+    let mut todo = vec![value.clone()];
+    // Values share parts: this must end.
+    for _ in 0..MOST_PARTS {
+        let Some(value) = todo.pop() else { return };
+        name_tasks(tree, &value);
+        todo.extend(value.to_vec().unwrap_or_default());
+        if let Some(failure) = value.as_failure() {
+            todo.extend(failure.fields.iter().map(|(_, value)| value.clone()));
+            todo.extend(failure.cause.iter().chain(&failure.also).cloned());
+        }
+    }
+}
+
 impl Text {
     fn rest(mut self, mut write: impl FnMut(&mut Text, &Rc<vm::tree::Tree>)) -> String {
         let mut next = 0;
@@ -118,7 +134,7 @@ impl Text {
             let first = records.partition_point(|(other, _)| *other < slot);
             for (_, rec) in records[first..].iter().take_while(|(other, _)| *other == slot) {
                 let record = tree.record(*rec);
-                tree.args(*rec).iter().chain([&record.value]).for_each(|value| name_tasks(tree, value));
+                tree.args(*rec).iter().chain([&record.value]).for_each(|value| name_all(tree, value));
                 let extra = tree.extra(*rec).cloned().unwrap_or_default();
                 self.line(&Line {
                     path: Path::of(tree, slot),
@@ -199,6 +215,8 @@ impl Text {
                 format!("({})", parts.join(" "))
             }
             Some(Obj::Failure(_)) => self.failure(value, 0),
+            // The machine uses numbers again.
+            Some(Obj::Task(_)) => "#<task>".into(),
             _ => vm::print::write(value),
         }
     }

@@ -178,6 +178,19 @@ impl Tree {
         self.mirror.begins(self.slots[slot].mirror);
     }
 
+    /// A slot stands where `first` does among its siblings, in the order of the text with those of its form
+    /// that have begun.
+    pub fn stands_with(&mut self, slot: usize, first: usize, begun: &[usize]) {
+        let parent = self.slots[slot].parent.expect("the root is not called");
+        let children = &mut self.slots[parent].children;
+        let mut together: Vec<usize> = children.iter().copied().filter(|it| begun.contains(it)).collect();
+        together.sort_unstable();
+        let before = children.iter().take_while(|it| !begun.contains(it)).count();
+        children.retain(|it| !begun.contains(it));
+        children.splice(before..before, together);
+        self.mirror.stands_with(self.slots[slot].mirror, self.slots[first].mirror);
+    }
+
     /// Lets the mirror show what has become of each record.
     pub fn polish(&mut self) {
         for record in &self.records {

@@ -71,6 +71,8 @@ pub struct Program {
     pub natives: Vec<Native>,
     /// The types of failures.
     pub failures: FailureTypes,
+    /// The rules.
+    pub rules: crate::rules::Rules,
     /// The function that says which plan performs a description, if a module provides one.
     pub ground: Option<FnId>,
 }

@@ -189,9 +189,13 @@ builtin_types! {
     /// An edit that cannot hold: no such place, a cycle, a value that is used.
     EditRefused = "edit-refused" < "program-error" ["edit"];
     /// No rule says which plan performs an action.
-    ActionNotGrounded = "action-not-grounded" < "plan-failure" ["action"];
+    ActionNotGrounded = "action-not-grounded" < "plan-failure" ["action" "nearest"];
     /// What was performed did not reach its goal.
     GoalNotReached = "goal-not-reached" < "plan-failure" ["of"];
+    /// A rule computes with a variable that has no value yet.
+    UnboundVariable = "unbound-variable" < "program-error" [];
+    /// A rule negates a goal with a variable that has no value yet.
+    Floundering = "floundering" < "program-error" ["variable"];
     /// A file could not be read or written.
     FileFailure = "file-failure" < "plan-failure" ["path"];
     /// A native that the run has no grant for.

@@ -127,8 +127,13 @@ impl Fluent {
         if value.is_true() && !old.is_true() {
             self.rises.set(self.rises.get() + 1);
         }
-        *self.value.borrow_mut() = value;
+        self.put(value);
         Some(self.take_woken())
+    }
+
+    /// Puts a value into the cell; nobody hears of it.
+    pub fn put(&self, value: Value) {
+        *self.value.borrow_mut() = value;
     }
 
     /// As if it had become true for a moment.

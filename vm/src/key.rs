@@ -252,8 +252,7 @@ impl Ranks {
     pub fn step(&self, rest: &Value) -> Step {
         let counted = &mut *self.0.borrow_mut();
         while !counted.rest.identical(rest) {
-            let Some((first, after)) = counted.rest.as_pair() else { break };
-            let (first, after) = (first.clone(), after.clone());
+            let Some((first, after)) = counted.rest.cell() else { break };
             counted.add(&first);
             counted.rest = after;
         }

@@ -17,6 +17,7 @@ pub mod geometry;
 pub mod pages;
 pub mod print;
 pub mod random;
+pub mod rules;
 pub mod value;
 
 pub mod code;

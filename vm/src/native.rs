@@ -72,6 +72,25 @@ pub enum Next {
     Task(crate::machine::TaskOp),
     /// Ask the outside, between two rounds; the call has the answer as its value.
     Ask(crate::host::Request),
+    /// Ask rules; the call has what is asked for as its value.
+    Query {
+        /// A predicate whose last argument is what an answer is.
+        predicate: crate::rules::clause::PredId,
+        /// Its other arguments.
+        inputs: Vec<Value>,
+        /// What is asked for.
+        ask: crate::rules::Ask,
+    },
+    /// Why the query of a stream has an answer, or why it has none, as text; nil if that is not so.
+    Explain(Value, bool),
+    /// A part of a stream of answers.
+    Part(Value, crate::machine::Part),
+    /// Facts come into force in the task: a list of predicates with their arguments; nil.
+    PushFacts(Value),
+    /// Queries of the task see this tree; nil.
+    PushTree(Value),
+    /// The newest of such facts or trees are no longer in force; nil.
+    PopScope,
     /// Run a plan as a root of its own; the call has the tree as its value.
     RunPlan {
         /// The plan.

@@ -275,6 +275,7 @@ impl<'a> Printer<'a> {
             Obj::Ranks(_) => self.put("#<ranks>"),
             Obj::Fluent(fluent) => self.put(&format!("#<fluent {}>", fluent.id)),
             Obj::Task(task) => self.put(&format!("#<task {}>", task.task)),
+            Obj::Stream(stream) => self.put(&format!("#<answers {}>", stream.id.0)),
             Obj::Path(path) => self.path(path),
             Obj::Edit(edit) => self.edit(edit, depth),
             Obj::Tree(tree) => self.put(&format!("#<tree {}>", tree.summary())),

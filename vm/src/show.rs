@@ -3,6 +3,7 @@
 //! Names and values come from programs: control characters are escaped, so showing a tree is safe
 //! on any terminal.
 
+use rustc_hash::FxHashMap;
 use serde_json::{Map as JsonMap, Value as Json, json};
 
 use crate::code::{Params, Program};
@@ -28,16 +29,7 @@ const DESCRIPTION: &str = "description";
 /// Names and values of the parameters of a record; those not given are left out.
 #[must_use]
 pub fn params(program: &Program, tree: &Tree, rec: RecId) -> Vec<(Symbol, Value)> {
-    let args = tree.args(rec);
-    let names = match tree.record(rec).kind {
-        NodeKind::Action => vec![Symbol::from(DESCRIPTION)],
-        _ => plan_params(program, tree, rec).map_or_else(Vec::new, |params| params.names.clone()),
-    };
-    let named = args.into_iter().enumerate().map(|(i, value)| {
-        let name = names.get(i).copied().unwrap_or_else(|| Symbol::from(&i.to_string()));
-        (name, value)
-    });
-    named.filter(|(_, value)| !value.is_unset()).collect()
+    named(program, tree, rec, tree.args(rec))
 }
 
 /// The arguments of a record as its call gives them: called with these, the plan gets them again.
@@ -48,6 +40,26 @@ pub fn written(program: &Program, tree: &Tree, rec: RecId) -> Vec<Value> {
         Some(params) if tree.record(rec).kind == NodeKind::Plan => params.written(args),
         _ => args,
     }
+}
+
+/// The parameters as the call gives them, by their names, where edits have changed them.
+#[must_use]
+pub fn written_params(program: &Program, tree: &Tree, rec: RecId) -> Option<Vec<(Symbol, Value)>> {
+    let args = tree.extra(rec)?.written.clone()?;
+    Some(named(program, tree, rec, args))
+}
+
+/// Arguments with the names of the parameters of a record; those not given are left out.
+fn named(program: &Program, tree: &Tree, rec: RecId, args: Vec<Value>) -> Vec<(Symbol, Value)> {
+    let names = match tree.record(rec).kind {
+        NodeKind::Action => vec![Symbol::from(DESCRIPTION)],
+        _ => plan_params(program, tree, rec).map_or_else(Vec::new, |params| params.names.clone()),
+    };
+    let named = args.into_iter().enumerate().map(|(i, value)| {
+        let name = names.get(i).copied().unwrap_or_else(|| Symbol::from(&i.to_string()));
+        (name, value)
+    });
+    named.filter(|(_, value)| !value.is_unset()).collect()
 }
 
 fn plan_params<'p>(program: &'p Program, tree: &Tree, rec: RecId) -> Option<&'p Params> {
@@ -206,12 +218,17 @@ const WIDEST_INDENT: usize = 400;
 /// path unless it is very long.
 #[must_use]
 pub fn json(program: &Program, tree: &Tree) -> Json {
+    let attempts = attempts(tree);
     let mut nodes = Vec::new();
     let mut todo = vec![(ROOT, None, String::from("top-level"))];
     while let Some((slot, parent, path)) = todo.pop() {
         let Some(rec) = tree.shown(slot) else { continue };
         let number = nodes.len();
-        nodes.push(node_json(program, tree, slot, rec, parent, &path));
+        let mut node = node_json(program, tree, slot, rec, parent, &path);
+        if let Some(all) = attempts.get(&slot) {
+            node["attempts"] = all.iter().map(|rec| attempt_json(program, tree, *rec)).collect();
+        }
+        nodes.push(node);
         let children = tree.children(slot);
         let mut ranks: std::collections::BTreeMap<&str, usize> = std::collections::BTreeMap::new();
         let mut below = Vec::new();
@@ -231,6 +248,49 @@ pub fn json(program: &Program, tree: &Tree) -> Json {
     Json::Array(nodes)
 }
 
+/// The records of each slot that was run more than once, in the order of their calls.
+fn attempts(tree: &Tree) -> FxHashMap<SlotId, Vec<RecId>> {
+    let again = tree.records().filter(|rec| tree.record(*rec).attempt > 1);
+    let mut attempts: FxHashMap<SlotId, Vec<RecId>> =
+        again.map(|rec| (tree.record(rec).slot, Vec::new())).collect();
+    if !attempts.is_empty() {
+        for rec in tree.records() {
+            if let Some(all) = attempts.get_mut(&tree.record(rec).slot) {
+                all.push(rec);
+            }
+        }
+    }
+    attempts
+}
+
+/// What became of one run of a slot.
+fn attempt_json(program: &Program, tree: &Tree, rec: RecId) -> Json {
+    let record = tree.record(rec);
+    let mut json = json!({"status": record.status.word()});
+    let (key, result) = result_json(program, tree, rec);
+    json[key] = result;
+    json["start"] = json!(record.start as f64 / 1e9);
+    json["end"] = json!(record.end as f64 / 1e9);
+    json
+}
+
+/// Under which key a record has what became of it, and that.
+fn result_json(program: &Program, tree: &Tree, rec: RecId) -> (&'static str, Json) {
+    let record = tree.record(rec);
+    match record.value.as_failure() {
+        // That of an evaporated task is the failure of its clean-up.
+        Some(_) if matches!(record.status, Status::Failed | Status::Evaporated) => {
+            crate::failure::name_tasks(tree, &record.value);
+            ("failure", failure_json(program, &record.value, 0))
+        }
+        _ => ("value", written_json(program, &record.value)),
+    }
+}
+
+fn written_json(program: &Program, value: &Value) -> Json {
+    Json::String(Printer::new(Some(program), true, crate::print::LIMIT).text(value))
+}
+
 fn node_json(
     program: &Program,
     tree: &Tree,
@@ -240,8 +300,10 @@ fn node_json(
     path: &str,
 ) -> Json {
     let record = tree.record(rec);
-    let write =
-        |value: &Value| Json::String(Printer::new(Some(program), true, crate::print::LIMIT).text(value));
+    let write = |value: &Value| written_json(program, value);
+    let by_name = |params: Vec<(Symbol, Value)>| -> JsonMap<String, Json> {
+        params.iter().map(|(name, value)| (name.to_string(), write(value))).collect()
+    };
     let mut node = JsonMap::new();
     node.insert("name".into(), json!(tree.slot(slot).name.as_str()));
     // The path of a node a million calls deep would be longer than all that is worth saying.
@@ -250,17 +312,9 @@ fn node_json(
     node.insert("kind".into(), json!(record.kind.word()));
     node.insert("status".into(), json!(record.status.word()));
     node.insert("attempt".into(), json!(record.attempt));
-    let params: JsonMap<String, Json> =
-        params(program, tree, rec).iter().map(|(name, value)| (name.to_string(), write(value))).collect();
-    node.insert("params".into(), Json::Object(params));
-    match record.value.as_failure() {
-        // That of an evaporated task is the failure of its clean-up.
-        Some(_) if matches!(record.status, Status::Failed | Status::Evaporated) => {
-            crate::failure::name_tasks(tree, &record.value);
-            node.insert("failure".into(), failure_json(program, &record.value, 0))
-        }
-        _ => node.insert("value".into(), write(&record.value)),
-    };
+    node.insert("params".into(), Json::Object(by_name(params(program, tree, rec))));
+    let (key, result) = result_json(program, tree, rec);
+    node.insert(key.into(), result);
     if !record.why.word().is_empty() {
         node.insert("why".into(), json!(record.why.word()));
     }
@@ -278,12 +332,21 @@ fn node_json(
             let written = written(program, tree, rec);
             node.insert("written".into(), Json::Array(written.iter().map(write).collect()));
         }
+        if let Some(params) = written_params(program, tree, rec) {
+            node.insert("written-params".into(), Json::Object(by_name(params)));
+        }
         if let Some(slot) = extra.performed_in {
             node.insert("performed-in".into(), json!(Path::of(tree, slot).show()));
         }
         if !extra.notes.is_empty() {
             node.insert("notes".into(), json!(extra.notes));
         }
+    }
+    let edits = tree.edits_of(slot).iter().map(|id| &tree.edits[*id as usize - 1].edit);
+    let edits: Vec<Json> =
+        edits.map(|edit| write(&Value::new(crate::value::Obj::Edit(Box::new((**edit).clone()))))).collect();
+    if !edits.is_empty() {
+        node.insert("edits".into(), Json::Array(edits));
     }
     Json::Object(node)
 }

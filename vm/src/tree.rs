@@ -88,6 +88,18 @@ pub enum Status {
 }
 
 impl Status {
+    /// All of them.
+    pub const ALL: &[Status] = &[
+        Status::Planned,
+        Status::Created,
+        Status::Running,
+        Status::Suspended,
+        Status::Deferred,
+        Status::Succeeded,
+        Status::Failed,
+        Status::Evaporated,
+        Status::Skipped,
+    ];
     /// True for a status that is never left.
     #[must_use]
     pub fn is_final(self) -> bool {
@@ -187,6 +199,8 @@ pub enum NodeKind {
 }
 
 impl NodeKind {
+    /// All of them.
+    pub const ALL: &[NodeKind] = &[NodeKind::TopLevel, NodeKind::Plan, NodeKind::Action, NodeKind::Branch];
     /// The word for it.
     #[must_use]
     pub fn word(self) -> &'static str {
@@ -320,6 +334,8 @@ pub struct Tree {
     /// The edits, in the order in which they were accepted; their numbers begin at 1.
     pub edits: Vec<Accepted>,
     edits_at: Vec<Vec<u32>>,
+    /// Counts changes: what was read of the tree holds as long as this stays the same.
+    pub changes: u64,
     run: u32,
     /// Slots from here on were made in this run.
     fresh_from: u32,
@@ -336,6 +352,7 @@ impl Default for Tree {
             extras: BTreeMap::new(),
             edits: Vec::new(),
             edits_at: Vec::new(),
+            changes: 0,
             run: 0,
             fresh_from: 0,
         };
@@ -385,6 +402,7 @@ impl Tree {
             extras: BTreeMap::new(),
             edits: self.edits.clone(),
             edits_at: self.edits_at.clone(),
+            changes: 0,
             run: self.run,
             fresh_from: self.fresh_from,
         }
@@ -489,6 +507,7 @@ impl Tree {
     /// The record of a new call of `slot`, with these parameters.
     #[inline(always)]
     pub fn enter(&mut self, parent: RecId, slot: SlotId, kind: NodeKind, args: &[Value], now: u64) -> RecId {
+        self.changes += 1;
         let rec = RecId(self.records.len as u32);
         let run = self.run;
         let it = self.slots.get_mut(slot.0);
@@ -525,6 +544,7 @@ impl Tree {
     /// Makes a record final.
     #[inline(always)]
     pub fn end(&mut self, rec: RecId, status: Status, value: Value, now: u64) {
+        self.changes += 1;
         let stamp = self.records.len as u32;
         let record = self.records.get_mut(rec.0);
         debug_assert!(!record.status.is_final(), "a final status is never left");
@@ -558,11 +578,13 @@ impl Tree {
 
     /// A record, to be changed while it is not final.
     pub fn record_mut(&mut self, rec: RecId) -> &mut Record {
+        self.changes += 1;
         self.records.get_mut(rec.0)
     }
 
     /// What few records have, made if it is missing.
     pub fn extra_mut(&mut self, rec: RecId) -> &mut Extra {
+        self.changes += 1;
         self.extras.entry(rec).or_default()
     }
 
@@ -601,6 +623,7 @@ impl Tree {
 
     /// Adds an edit at a slot. Returns its number.
     pub fn add_edit(&mut self, slot: SlotId, edit: Accepted) -> u32 {
+        self.changes += 1;
         self.edits.push(edit);
         let id = self.edits.len() as u32;
         let it = self.slots.get_mut(slot.0);

@@ -24,6 +24,7 @@ use crate::fluent::Fluent;
 use crate::geometry::{Pose, Vec3};
 use crate::key::Ranks;
 use crate::path::Path;
+use crate::rules::stream::Stream;
 use crate::tree::Tree;
 
 /// An interned name: copied like an integer, compared like one, read without a lock.
@@ -129,6 +130,8 @@ pub enum Obj {
     Fluent(Box<Fluent>),
     /// A task that runs.
     Task(Handle),
+    /// Answers of a query, as far as somebody has looked.
+    Stream(Box<Stream>),
     /// Left behind when an object has been taken apart.
     Gone,
 }
@@ -309,6 +312,18 @@ impl Value {
     pub fn as_path(&self) -> Option<&Path> {
         if let Some(Obj::Path(path)) = self.obj() { Some(path) } else { None }
     }
+    /// True for answers of a query.
+    pub fn is_stream(&self) -> bool {
+        matches!(self.obj(), Some(Obj::Stream(_)))
+    }
+    /// First element and rest of a list, or of a stream as far as somebody has looked.
+    pub fn cell(&self) -> Option<(Value, Value)> {
+        match self.obj()? {
+            Obj::Pair(first, rest) => Some((first.clone(), rest.clone())),
+            Obj::Stream(stream) => stream.cell(),
+            _ => None,
+        }
+    }
     /// True for `nil` and for cells of lists.
     pub fn is_list(&self) -> bool {
         self.is_nil() || self.as_pair().is_some()
@@ -359,6 +374,7 @@ impl Value {
                 Obj::Counter(_) => "counter",
                 Obj::Fluent(_) => "fluent",
                 Obj::Task(_) => "task",
+                Obj::Stream(_) => "stream",
                 Obj::Ranks(_) => "ranks",
                 Obj::Path(_) => "path",
                 Obj::Edit(_) => "edit",
@@ -474,6 +490,7 @@ fn compare_shallow(a: &Value, b: &Value, todo: &mut Vec<(Value, Value)>) -> Orde
         (Obj::Path(a), Obj::Path(b)) => a.cmp(b),
         (Obj::Fluent(a), Obj::Fluent(b)) => a.id.cmp(&b.id),
         (Obj::Task(a), Obj::Task(b)) => a.cmp(b),
+        (Obj::Stream(a), Obj::Stream(b)) => a.id.cmp(&b.id),
         // Their texts make equal edits.
         (Obj::Edit(_), Obj::Edit(_)) => crate::print::write(one).cmp(&crate::print::write(other)),
         (Obj::Tree(a), Obj::Tree(b)) => a.fingerprint().cmp(&b.fingerprint()),
@@ -550,7 +567,8 @@ impl Obj {
             Obj::Fluent(_) => 13,
             Obj::Task(_) => 14,
             Obj::Ranks(_) => 15,
-            Obj::Gone => 16,
+            Obj::Stream(_) => 16,
+            Obj::Gone => 17,
         }
     }
     /// What the object is charged against the memory limit; the same when it goes as when it came.
@@ -558,7 +576,7 @@ impl Obj {
         const CELL: usize = size_of::<Obj>() + 2 * size_of::<usize>();
         CELL + match self {
             Obj::Pair(..) | Obj::Counter(_) | Obj::Ranks(_) | Obj::Gone | Obj::Tree(_) | Obj::Task(_) => 0,
-            Obj::Fluent(_) => size_of::<Fluent>(),
+            Obj::Fluent(_) | Obj::Stream(_) => size_of::<Fluent>(),
             Obj::Str(text) => text.len(),
             Obj::Vector(items) => 2 * CELL + items.bytes,
             Obj::Map(map) => 2 * CELL + (map.len() * ENTRY).min(MOST_OWN),
@@ -670,6 +688,7 @@ impl Drop for Obj {
             }
             Obj::Str(_) | Obj::Pose(_) | Obj::Vec3(_) | Obj::Counter(_) | Obj::Ranks(_) => {}
             Obj::Path(_) | Obj::Tree(_) | Obj::Task(_) | Obj::Gone => {}
+            Obj::Stream(stream) => drop_stream(stream.take_rest()),
             Obj::Fluent(fluent) => drop_nested(Garbage::Values(fluent.take_values())),
             Obj::Vector(items) => drop_nested(Garbage::Vector(take(&mut items.vector))),
             Obj::Map(map) => drop_nested(Garbage::Map(take(&mut **map))),
@@ -686,6 +705,15 @@ fn drop_cells(mut rest: Value) {
         let Ok(mut cell) = Rc::try_unwrap(cell) else { return };
         let Obj::Pair(_, next) = &mut cell else { return };
         rest = take(next);
+    }
+}
+
+/// Streams are long in the direction in which lists are.
+fn drop_stream(mut rest: Value) {
+    while let Value::Obj(cell) = rest {
+        let Ok(cell) = Rc::try_unwrap(cell) else { return };
+        let Obj::Stream(stream) = &cell else { return };
+        rest = stream.take_rest();
     }
 }
 

@@ -22,17 +22,39 @@ pub(super) fn is_description(form: &Form) -> bool {
         && items.get(1).is_some_and(|kind| kind.symbol().is_some())
 }
 
+/// The same in rules, where `(a b c)` is a list like any other: the kind is one that there is, or is
+/// misspelled and followed by properties.
+pub(crate) fn is_description_in_rule(form: &Form) -> bool {
+    let [_, kind, properties @ ..] = form.list().unwrap_or_default() else { return false };
+    let kind = kind.symbol().unwrap_or_default();
+    let is_like = || nearest(&kind, KINDS).is_some() && properties.iter().all(|it| it.head().is_some());
+    is_description(form) && (KINDS.contains(&kind.as_str()) || (!properties.is_empty() && is_like()))
+}
+
 impl Compiler<'_> {
     /// `(an action (type fetching) …)`. With `free`, variables `?x` that are not bound are
     /// variables of a pattern.
     pub(super) fn description(&mut self, scope: &mut Scope, form: &Form, free: bool) -> Expr {
+        let described = self.described(form, &mut |it, value| it.property_value(scope, value, free));
+        match described {
+            Some((kind, properties)) => Expr::new(ExprKind::Desc(kind, properties), form.span),
+            None => Expr::nil(form.span),
+        }
+    }
+
+    /// Kind and properties of a description, each value read by `read`.
+    pub(crate) fn described<T>(
+        &mut self,
+        form: &Form,
+        read: &mut dyn FnMut(&mut Self, &Form) -> T,
+    ) -> Option<(Symbol, Vec<(Symbol, T)>)> {
         let span = form.span;
         let items = form.list().unwrap_or_default();
         let Some(kind) = items.get(1).and_then(Form::symbol) else {
             let shape = "(an action (key value) …)".into();
             let problem = "needs the kind of the entity".into();
             self.error(CompileError::Shape { form: "an".into(), problem, shape, at: span });
-            return Expr::nil(span);
+            return None;
         };
         if !KINDS.contains(&kind.as_str()) {
             let kind = match nearest(&kind, KINDS) {
@@ -41,10 +63,10 @@ impl Compiler<'_> {
             };
             self.error(CompileError::DescKind { kind, at: items[1].span });
         }
-        let mut properties: Vec<(Symbol, Expr)> = Vec::new();
+        let mut properties: Vec<(Symbol, T)> = Vec::new();
         let mut places: Vec<Span> = Vec::new();
         for item in &items[2..] {
-            let Some((key, value)) = self.property(scope, item, free) else { continue };
+            let Some((key, value)) = self.property(item, read) else { continue };
             if let Some(first) = properties.iter().position(|(known, _)| *known == key) {
                 let (again, first) = (item.span, places[first]);
                 self.error(CompileError::DescDuplicate { key: key.to_string(), again, first });
@@ -56,10 +78,14 @@ impl Compiler<'_> {
         if kind == "action" {
             self.warn_misplaced(items, span);
         }
-        Expr::new(ExprKind::Desc(kind, properties), span)
+        Some((kind, properties))
     }
 
-    fn property(&mut self, scope: &mut Scope, item: &Form, free: bool) -> Option<(Symbol, Expr)> {
+    fn property<T>(
+        &mut self,
+        item: &Form,
+        read: &mut dyn FnMut(&mut Self, &Form) -> T,
+    ) -> Option<(Symbol, T)> {
         let mut wrong = |detail: String, help: Option<String>| {
             self.error(CompileError::DescProperty { detail, at: item.span, help });
             None
@@ -69,7 +95,7 @@ impl Compiler<'_> {
         };
         let Some(key) = item.head() else { return wrong(", with a symbol as key".into(), None) };
         match parts {
-            [_, value] => Some((key, self.property_value(scope, value, free))),
+            [_, value] => Some((key, read(self, value))),
             [_] => wrong(format!("; `{key}` has no value"), Some(format!("write ({key} value)"))),
             _ => wrong(
                 format!("; `{key}` has several values"),

@@ -6,6 +6,7 @@
 mod desc;
 mod params;
 mod quasi;
+mod queries;
 pub(crate) mod special;
 mod tasks;
 
@@ -19,12 +20,14 @@ use crate::Compiler;
 use crate::ast::{Callee, Expr, ExprKind, Function, Var, VarId};
 use crate::data::{MOST_NESTED, Places, to_value};
 use crate::error::CompileError;
-use crate::module::{Found, Meaning, ModuleId, nearest};
+use crate::module::{Found, Meaning, ModuleId, nearest, predicate_key};
+use crate::rules::goal;
 
+pub(crate) use desc::is_description_in_rule;
 pub(crate) use params::ParamForms;
 
 /// Nobody reads the help of more errors than this, and finding it takes time.
-const MOST_HELPED: usize = 100;
+pub(crate) const MOST_HELPED: usize = 100;
 
 /// What `retry`, `return` and `propagate` mean at a place.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -48,6 +51,8 @@ pub(crate) struct Scope {
     around: Vec<Around>,
     /// `(original)` may stand here.
     original: bool,
+    /// In an expression of a rule: its variables, as they are met.
+    free: Option<Vec<(Symbol, VarId)>>,
     /// The function around, for lambdas.
     outer: Option<Box<Scope>>,
 }
@@ -63,6 +68,7 @@ impl Scope {
             captures: Vec::new(),
             around: Vec::new(),
             original: false,
+            free: None,
             outer: None,
         }
     }
@@ -71,6 +77,26 @@ impl Scope {
     pub(crate) fn with_original(mut self, original: bool) -> Scope {
         self.original = original;
         self
+    }
+
+    /// Lets each `?x` that nothing binds be a parameter.
+    pub(crate) fn of_rule(mut self) -> Scope {
+        self.free = Some(Vec::new());
+        self
+    }
+
+    /// The parameters that were found, in the order of the text.
+    pub(crate) fn take_free(&mut self) -> Vec<(Symbol, VarId)> {
+        self.free.take().unwrap_or_default()
+    }
+
+    fn free_variable(&mut self, name: Symbol, span: Span) -> Option<VarId> {
+        let free = self.free.as_mut().filter(|_| name.starts_with('?') && name != "?_")?;
+        let var = VarId(self.vars.len() as u32);
+        self.vars.push(Var { name, span, assigned: None, captured: None });
+        self.captured.push((name, var));
+        free.push((name, var));
+        Some(var)
     }
 
     fn bind(&mut self, name: Symbol, span: Span) -> VarId {
@@ -93,7 +119,7 @@ impl Scope {
         if let Some((_, var)) = known.find(|(known, _)| *known == name) {
             return Some(*var);
         }
-        let outer = self.outer.as_mut()?;
+        let Some(outer) = self.outer.as_mut() else { return self.free_variable(name, at) };
         let theirs = outer.variable(name, at)?;
         outer.vars[theirs.0 as usize].captured.get_or_insert((at, self.kind));
         let ours = VarId(self.vars.len() as u32);
@@ -222,7 +248,7 @@ impl Compiler<'_> {
     }
 
     /// What a name means at the top level, or an error that says it means nothing.
-    fn meaning(&mut self, scope: &Scope, name: Symbol, at: Span) -> Option<Meaning> {
+    pub(crate) fn meaning(&mut self, scope: &Scope, name: Symbol, at: Span) -> Option<Meaning> {
         match self.look_up(scope.module, name) {
             Found::One(definition) => Some(definition.meaning),
             Found::Two(one, other) => {
@@ -241,11 +267,25 @@ impl Compiler<'_> {
             return self.error(CompileError::UnknownName { name: name.to_string(), at, help: None });
         }
         let visible = self.modules.visible(scope.module);
+        let visible = visible.iter().filter(|name| predicate_key(**name).is_none());
         let locals = scope.all_names();
-        let candidates = locals.iter().chain(&visible).map(|it| it.as_str());
+        let candidates = locals.iter().chain(visible).map(|it| it.as_str());
         let near = nearest(&name, candidates.chain(special::NAMES.iter().copied()));
         let form = special::SHAPES.iter().find(|(known, _)| name == *known);
+        let arities = self.arities(scope.module, name);
+        if let Some(arity) = arities.first() {
+            let args = if *arity > 0 { " …" } else { "" };
+            let help = Some(format!(
+                "ask it: (ask ({name}{args})) says whether it holds, (answers ?x ({name}{args})) gives the answers"
+            ));
+            let (name, is, wanted) = (name.to_string(), "a predicate".into(), "a value or a function".into());
+            return self.error(CompileError::WrongKind { name, is, wanted, at, help });
+        }
         let help = match near {
+            _ if name == "." => Some("outside of rules and quoted data (a . b) is written (cons a b)".into()),
+            _ if goal::shape(&name).is_some() => {
+                Some(format!("it is a goal of rules and queries: {}", goal::shape(&name).unwrap_or_default()))
+            }
             _ if form.is_some() => form.map(|(_, shape)| format!("it is the head of a form: {shape}")),
             Some(near) => Some(format!("did you mean `{near}`?")),
             None if name.starts_with('?') => {
@@ -265,7 +305,7 @@ impl Compiler<'_> {
         Some(format!("the module `{}` defines it: write (use {})", module.name, module.name))
     }
 
-    fn wrong_kind(&mut self, name: Symbol, is: &Meaning, wanted: &str, at: Span) {
+    pub(crate) fn wrong_kind(&mut self, name: Symbol, is: &Meaning, wanted: &str, at: Span) {
         let help = match is {
             Meaning::Macro(..) => Some("a macro can only be called; wrap the call in a `lambda`".into()),
             Meaning::Failure(_) => Some(format!("write `'{name}` for the name as a symbol")),
@@ -344,7 +384,7 @@ impl Compiler<'_> {
                 let args = args.iter().map(|arg| Some(self.expr(scope, arg))).collect();
                 Expr::new(ExprKind::Call(Callee::Value(Box::new(callee)), args), form.span)
             }
-            other @ (Meaning::Failure(_) | Meaning::Test(_)) => {
+            other @ (Meaning::Failure(_) | Meaning::Test(_) | Meaning::Predicate(..)) => {
                 self.wrong_kind(name, &other, "a function", at);
                 Expr::nil(form.span)
             }
@@ -626,7 +666,7 @@ fn in_rows<T>(items: Vec<T>, row_of: impl FnMut(Vec<T>) -> Option<Expr>) -> Vec<
 }
 
 /// True if a call with `n` arguments fits, as far as their number goes.
-fn accepts(params: &vm::code::Params, n: usize) -> bool {
+pub(crate) fn accepts(params: &vm::code::Params, n: usize) -> bool {
     let most = params.required as usize + params.optional as usize + 2 * params.keys as usize;
     n >= params.required as usize && (params.rest || n <= most)
 }

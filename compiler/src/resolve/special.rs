@@ -6,7 +6,7 @@ use vm::machine::ForkKind;
 use vm::path::{Path, PathStep};
 use vm::value::{Obj, Symbol, Value};
 
-use super::{Around, Scope};
+use super::{Around, Scope, queries};
 use crate::Compiler;
 use crate::ast::{Callee, Clause, Expr, ExprKind, VarId};
 use crate::data::{MOST_NESTED, Places, to_value};
@@ -114,6 +114,16 @@ specials! {
         "The body; when so many seconds are over it is stopped, and the failure is `timeout`." => |it, scope, form, args| it.with_timeout(scope, form, args);
     "fl" "(fl expression)"
         "A fluent of an expression in which fluents stand for what they hold: computed again when one of them changes." => |it, scope, form, args| it.derived_fluent(scope, form, args);
+    "ask" "(ask goal)"
+        "Whether the goal of rules holds." => queries::ask;
+    "answers" "(answers template goal)"
+        "The template with the variables of each answer of the goal, as a list." => queries::answers;
+    "query" "(query goal)"
+        "The answers of the goal as a stream: each is looked for when somebody looks." => queries::query;
+    "for-each-answer" "(for-each-answer (?x …) goal body…)"
+        "Does the body for each answer, its variables bound." => queries::for_each_answer;
+    "with-facts" "(with-facts ((predicate argument …) …) body…)"
+        "Queries in the body see these facts as well." => queries::with_facts;
     "path" "(path name (name :call n) …)"
         "A place in a task tree, as data." => path;
     "original" "(original)"
@@ -144,6 +154,18 @@ specials! {
         "Adds a case to an open function; a case answers nil for what it does not know." => not_at_top;
     "def-test" "(def-test name body…)"
         "Defines a test, for `pleach test`." => not_at_top;
+    "def-rules" "(def-rules name :tabled \"doc\" (<- (head …) goal…) …)"
+        "Defines predicates by clauses." => not_at_top;
+    "<-" "(<- (head …) :priority n goal…)"
+        "A clause: the head holds if the goals do." => |it, _, form, _| it.outside(form, "`def-rules`", None);
+    "def-facts" "(def-facts name \"doc\" (predicate argument …) …)"
+        "Defines predicates by facts." => not_at_top;
+    "def-open" "(def-open name arity \"doc\")"
+        "A predicate that may get clauses from many files, or none." => not_at_top;
+    "def-native-rule" "(def-native-rule name (?argument …) \"doc\")"
+        "A predicate of the library that is written in Rust." => not_at_top;
+    "use-rules" "(use-rules \"file.pl\")"
+        "The clauses of a Prolog text are rules of this file." => not_at_top;
 }
 
 impl Compiler<'_> {
@@ -243,7 +265,7 @@ fn let_star(it: &mut Compiler<'_>, scope: &mut Scope, form: &Form, args: &[Form]
 }
 
 /// A list of the form's own syntax. The empty one is nil where a macro or an edit has made it.
-fn list_or_nil(form: &Form) -> Option<&[Form]> {
+pub(super) fn list_or_nil(form: &Form) -> Option<&[Form]> {
     if form.is("nil") { Some(&[]) } else { form.list() }
 }
 
@@ -432,7 +454,7 @@ fn or(it: &mut Compiler<'_>, scope: &mut Scope, form: &Form, args: &[Form]) -> E
 // Loops
 
 /// Resolves the body of a loop.
-fn loop_body(it: &mut Compiler<'_>, scope: &mut Scope, body: &[Form]) -> Vec<Expr> {
+pub(super) fn loop_body(it: &mut Compiler<'_>, scope: &mut Scope, body: &[Form]) -> Vec<Expr> {
     scope.around.push(Around::Loop);
     let body = it.body(scope, body);
     scope.around.pop();

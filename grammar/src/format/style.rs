@@ -58,7 +58,7 @@ pub(super) enum Role {
     Bindings,
     /// `(a 1)`
     Binding,
-    /// A list of code, a form a line: the steps of `partial-order`.
+    /// A list of code, a form a line: the steps of `partial-order`, the facts of `with-facts`.
     Steps,
     /// `(test body…)` of `cond`, `(key body…)` of `case`
     Clause,
@@ -87,7 +87,8 @@ fn known(head: &str) -> Option<Style> {
         | "par-loop" | "try-each" | "do-retry" | "whenever" => body(1, Several),
         "for-each-answer" => body(2, Several),
         "module" => body(1, Author),
-        "def-fun" | "def-plan" | "def-macro" | "def-native" | "def-open-fun" | "extend" => body(2, Always),
+        "def-fun" | "def-plan" | "def-macro" | "def-native" | "def-native-rule" | "def-open-fun"
+        | "extend" => body(2, Always),
         "def-test" => body(1, Always),
         "if-let" | "when-let" | "expect-failure" => body(1, Several),
         "def-rules" => body(1, Always),
@@ -173,11 +174,12 @@ pub(super) fn role_of(items: &[&Form], role: Role, style: Style, index: usize) -
         ("let" | "let*" | "with-retry-counters", 1) => Role::Bindings,
         ("dolist" | "dotimes" | "par-loop" | "try-each", 1) => Role::Binding,
         ("with-failure-handling", 1) => Role::Handlers,
-        ("partial-order", 1) => Role::Steps,
+        ("partial-order" | "with-facts", 1) => Role::Steps,
         ("cond", 1..) | ("case", 2..) => Role::Clause,
-        ("lambda" | "for-each-answer", 1) => Role::Data,
+        ("lambda" | "for-each-answer" | "exists", 1) => Role::Data,
         (
-            "def-fun" | "def-plan" | "def-macro" | "def-policy" | "def-native" | "def-open-fun" | "extend",
+            "def-fun" | "def-plan" | "def-macro" | "def-policy" | "def-native" | "def-native-rule"
+            | "def-open-fun" | "extend",
             2,
         ) => Role::Data,
         ("def-failure", 2..) => Role::Data,

@@ -386,3 +386,44 @@ fn format_the_deepest() {
 fn a_long_file() {
     formatted(&"(def-plan a (b) (foo (bar 1 2) ; c\n (when x y z)))\n".repeat(2_000));
 }
+
+#[test]
+fn rules_and_queries() {
+    check_format(
+        r#"(def-native-rule symbol? (?x) "True of symbols.")
+(def-facts map (road a b))
+(def-facts map "Roads." (road a b) (road b . ?x))
+(def-plan main ()
+ (for-each-answer (?x ?y) (road ?x ?y) (print ?x) (print ?y))
+ (with-facts ((road ?x ?y) (road a b)) (print 1) (print 2))
+ (with-facts ((road ?x ?y) (road a b) (road from-here-to-the-next-town a-town-with-a-long-name-on-the-way)) (print 1))
+ (query (and (road ?x . ?y) (exists (?z ?y) (road ?z)) (bagof ?x (exists (?y) (road ?x ?y)) ?list-that-is-rather-long))))
+"#,
+        expect![[r#"
+            (def-native-rule symbol? (?x)
+              "True of symbols.")
+
+            (def-facts map (road a b))
+
+            (def-facts map
+              "Roads."
+              (road a b)
+              (road b . ?x))
+
+            (def-plan main ()
+              (for-each-answer (?x ?y) (road ?x ?y)
+                (print ?x)
+                (print ?y))
+              (with-facts ((road ?x ?y) (road a b))
+                (print 1)
+                (print 2))
+              (with-facts ((road ?x ?y)
+                           (road a b)
+                           (road from-here-to-the-next-town a-town-with-a-long-name-on-the-way))
+                (print 1))
+              (query (and (road ?x . ?y)
+                          (exists (?z ?y) (road ?z))
+                          (bagof ?x (exists (?y) (road ?x ?y)) ?list-that-is-rather-long))))
+        "#]],
+    );
+}

@@ -22,11 +22,11 @@ fn check_errors(source: &str, expected: Expect) {
     expected.assert_eq(&(lines(&parsed.forms) + &errors));
 }
 
-fn lines<T: ToString>(items: &[T]) -> String {
+pub fn lines<T: ToString>(items: &[T]) -> String {
     items.iter().map(|item| item.to_string() + "\n").collect()
 }
 
-fn render(source: &str, error: &ParseError) -> String {
+pub fn render(source: &str, error: &ParseError) -> String {
     let mut out = format!("{}: {error}\n", error.code().expect("each error has a code"));
     for label in error.labels().into_iter().flatten() {
         let (start, end) = (label.offset(), label.offset() + label.len());

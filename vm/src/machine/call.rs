@@ -11,7 +11,7 @@ use crate::op::{Count, Op};
 use crate::tree::{NodeKind, RecId, Status};
 use crate::value::{Imm, Obj, Symbol, Value, live};
 
-use super::drive::Call;
+use super::drive::{Call, Driver};
 use super::{Ctx, CtxParts, Exit, Frame, Here, MEMO, Machine, Occurrences, RESUME, Run, hot};
 
 /// The site of calls that stand in no source: the plan of `run-plan`.
@@ -53,12 +53,18 @@ impl Machine {
                     Ok(Some(exit)) => return exit,
                     Err(raise) => raise,
                 },
-                hot::Out::Slow(op) => match self.slow(host, op, left) {
-                    Ok(None) if self.broke.is_some() => return Exit::Began,
-                    Ok(None) => continue,
-                    Ok(Some(exit)) => return exit,
-                    Err(raise) => raise,
-                },
+                hot::Out::Slow(op) => {
+                    let done = self.slow(host, op, left);
+                    if self.beside > 0 {
+                        self.count_beside(left);
+                    }
+                    match done {
+                        Ok(None) if self.broke.is_some() => return Exit::Began,
+                        Ok(None) => continue,
+                        Ok(Some(exit)) => return exit,
+                        Err(raise) => raise,
+                    }
+                }
                 hot::Out::Done(value) => return Exit::Done(value),
                 hot::Out::Fuel => return Exit::Fuel,
                 hot::Out::Raise(raise) => raise,
@@ -112,6 +118,7 @@ impl Machine {
                 self.put(d, Value::bool(more))
             }
             Op::IterStart(d, s) => self.iter_start(d, s),
+            Op::IterNext(d, t) => self.next_answer(d, t),
             Op::CountStart(d, s) => {
                 let count = self.reg(s).clone();
                 crate::native::int(&count)?;
@@ -193,6 +200,9 @@ impl Machine {
             }
             Op::Resume => {
                 let value = std::mem::take(self.top().register(0));
+                if let Some(Driver::Solve(_)) = self.top().drivers.last() {
+                    return self.go_on_solving(host, value);
+                }
                 self.resume(host, value)
             }
             other => unreachable!("{other:?} is done by the loop"),
@@ -245,7 +255,10 @@ impl Machine {
     }
 
     fn iter_start(&mut self, d: u8, s: u8) -> Slow {
-        let list = walkable(self.reg(s))?;
+        let list = match self.reg(s) {
+            it if it.is_stream() => it.clone(),
+            it => walkable(it)?,
+        };
         *self.top().register(d.wrapping_add(1)) = list.clone();
         self.put(d.wrapping_add(2), list)
     }
@@ -429,6 +442,24 @@ impl Machine {
             }
             Next::Sleep(ns) => self.sleep(d, ns),
             Next::Task(op) => self.task_op(host, d, op),
+            Next::Query { predicate, inputs, ask } => self.ask(d, predicate, &inputs, ask),
+            Next::Explain(stream, holds) => {
+                let text = self.explain(host, &stream, holds)?;
+                self.put(d, text)
+            }
+            Next::Part(stream, part) => self.stream_part(d, &stream, part),
+            Next::PushFacts(facts) => {
+                self.push_facts(&facts)?;
+                self.put(d, Value::NIL)
+            }
+            Next::PushTree(tree) => {
+                self.push_tree(&tree)?;
+                self.put(d, Value::NIL)
+            }
+            Next::PopScope => {
+                self.pop_scope();
+                self.put(d, Value::NIL)
+            }
             Next::RunPlan { plan, args, tree } => self.run_plan(host, d, &plan, args, tree),
             Next::EditTree { tree, edits } => {
                 let tree = self.edit_tree(host, &tree, &edits)?;

@@ -47,24 +47,11 @@ pub(super) fn too_long() -> Raise {
 }
 
 impl Machine {
-    /// Fails in the innermost clean-up whose time is over.
-    pub(super) fn check_cleanups(&mut self) -> Result<(), Raise> {
-        if self.top().cleanups.is_empty() {
-            return Ok(());
-        }
-        // A jump out of clean-up forms (`return`) leaves its entry behind.
+    /// A jump out of clean-up forms (`return`) leaves its entry behind.
+    pub(super) fn forget_left_cleanups(&mut self) {
         while self.runs.last().and_then(|run| run.cleanups.last()).is_some_and(|last| !self.is_running(last))
         {
             self.top().cleanups.pop();
-        }
-        let run = self.top();
-        let now = run.now;
-        match run.cleanups.last_mut().filter(|last| last.deadline <= now) {
-            Some(last) => {
-                last.deadline = u64::MAX;
-                Err(too_long())
-            }
-            None => Ok(()),
         }
     }
 
@@ -82,6 +69,17 @@ impl Machine {
 }
 
 impl Run {
+    /// Who does not wait, but takes too long for a clean-up, fails in that in his next turn.
+    pub(super) fn check_cleanups(&mut self) {
+        let now = self.now;
+        for id in self.tasks.ready_tasks() {
+            if let Some(last) = self.cleanups_of(id).last_mut().filter(|last| last.deadline <= now) {
+                last.deadline = u64::MAX;
+                self.tasks.get_mut(id).raise = Some(too_long());
+            }
+        }
+    }
+
     /// The program counter of the frame with so many frames below it.
     fn pc_of(&self, depth: usize) -> Option<u32> {
         self.frames.get(depth).map(|frame| frame.pc)

@@ -24,6 +24,7 @@ use crate::value::{Imm, Obj, Symbol, Value};
 use super::call::Slow;
 use super::fork::Fork;
 use super::obligation::Discharge;
+use super::solve::Solve;
 use super::{Exit, Frame, Here, Machine, RESUME, Run};
 
 /// A call that takes several steps.
@@ -82,6 +83,8 @@ pub(super) enum Driver {
     Discharge(Box<Discharge>),
     /// A parallel form.
     Fork(Box<Fork>),
+    /// A query.
+    Solve(Box<Solve>),
     /// `(original)` in a branch of inserted code: the call that this belongs to, of a task above.
     Origin(Box<Call>),
 }
@@ -133,7 +136,9 @@ pub(super) struct Layer {
 
 /// What a layer of a body waits for.
 enum Phase {
-    /// `ground` has been asked what to run.
+    /// Rules have been asked what to run.
+    Rules,
+    /// `ground` has been asked.
     Ground,
     /// The code runs.
     Run,
@@ -449,6 +454,8 @@ impl Machine {
             Some(Driver::Body(layer)) => self.body_resumed(host, layer, value),
             Some(Driver::Discharge(discharge)) => self.discharge_resumed(host, discharge, value),
             Some(Driver::Fork(fork)) => self.fork_resumed(host, fork),
+            // It needs fuel: the loop gives it some.
+            Some(Driver::Solve(_)) => Ok(None),
             None => Ok(Some(Exit::Done(value))),
         }
     }
@@ -479,7 +486,13 @@ impl Machine {
         // The check has moved to what was put off.
         let goal = goal.filter(|_| self.top().tree.record(rec).flags & MOVED == 0);
         match (layer.phase, goal) {
-            (Phase::Ground, _) => {
+            // What no rule says may be known to `ground`.
+            (Phase::Rules, _) if value.is_nil() => {
+                layer.phase = Phase::Ground;
+                self.top().drivers.push(Driver::Body(layer));
+                self.ask_ground(host, rec)
+            }
+            (Phase::Ground | Phase::Rules, _) => {
                 layer.phase = Phase::Run;
                 self.top().drivers.push(Driver::Body(layer));
                 self.run_grounded(host, rec, &value)
@@ -603,27 +616,42 @@ impl Machine {
         let replaces = self.find_edits(call, |what| matches!(what, What::Replace(_)));
         let number = inner.unwrap_or(replaces.len());
         let (body, args) = (call.body, call.args.clone());
-        let phase = if number == 0 && matches!(body, Body::Action) { Phase::Ground } else { Phase::Run };
+        let rules = self.program.rules.grounding;
+        let phase = match body {
+            Body::Action if number == 0 && rules.is_some() => Phase::Rules,
+            Body::Action if number == 0 => Phase::Ground,
+            _ => Phase::Run,
+        };
         let layer = Layer { number, rec, outermost: inner.is_none(), phase };
         self.push_driver(Driver::Body(layer), d);
         self.top().here = Here(rec.0);
         match (number.checked_sub(1), body) {
             (Some(at), _) => self.enter_code(self.code_of(replaces[at]), args),
             (None, Body::Plan(plan) | Body::Branch(plan)) => self.enter_code(Some(plan), args),
-            (None, Body::Action) => match self.program.ground {
-                Some(ground) => self.call_value(host, 0, SiteId(0), &Value::Imm(Imm::Function(ground)), args),
-                None => Err(not_grounded(&args[0])),
+            (None, Body::Action) => match rules {
+                Some(predicate) => self.ask_first(0, predicate, &args),
+                None => self.ask_ground(host, rec),
             },
         }
     }
 
-    /// `ground` has answered: nil, or a list of a plan and its arguments.
+    /// Asks the function `ground` what to run.
+    fn ask_ground(&mut self, host: &mut dyn Host, rec: RecId) -> Slow {
+        let desc = self.top().tree.args(rec);
+        match self.program.ground {
+            Some(ground) => self.call_value(host, 0, SiteId(0), &Value::Imm(Imm::Function(ground)), desc),
+            None => Err(self.not_grounded(desc.first().unwrap_or(&Value::NIL))),
+        }
+    }
+
+    /// Rules or `ground` have answered: nil, or a list of a plan and its arguments.
     fn run_grounded(&mut self, host: &mut dyn Host, rec: RecId, answer: &Value) -> Slow {
         let desc = self.top().tree.args(rec).first().cloned().unwrap_or_default();
         if answer.is_nil() {
-            return Err(not_grounded(&desc));
+            return Err(self.not_grounded(&desc));
         }
-        let wanted = || type_error("a list of a plan and its arguments from `ground`", answer);
+        let wanted =
+            || type_error("a list of a plan and its arguments as what an action is grounded to", answer);
         let (plan, args) = answer.as_pair().ok_or_else(wanted)?;
         let args = args.to_vec().ok_or_else(wanted)?;
         self.top().tree.extra_mut(rec).grounded = Some(answer.clone());
@@ -634,6 +662,24 @@ impl Machine {
             }
             _ => self.call_value(host, 0, SiteId(0), plan, args),
         }
+    }
+
+    /// The failure of an action that nothing grounds, with the rules that are nearest to it.
+    fn not_grounded(&self, desc: &Value) -> Raise {
+        let nearest = crate::rules::nearest::to_action(&self.program, desc);
+        let mut message = format!("no rule says which plan performs {}", crate::print::brief(desc));
+        for line in &nearest {
+            message += &format!("; {line}");
+        }
+        let fields = vec![
+            ("message", Value::str(message)),
+            ("action", desc.clone()),
+            (
+                "nearest",
+                Value::list(nearest.iter().map(|line| Value::str(line.as_str())).collect::<Vec<_>>()),
+            ),
+        ];
+        Box::new(Failure::with(Builtin::ActionNotGrounded, fields))
     }
 
     /// `(original)` in the code of a `wrap` or `replace`.
@@ -700,6 +746,7 @@ impl Machine {
             }
             Some(Driver::Discharge(discharge)) => return self.discharge_failed(host, discharge, failure),
             Some(Driver::Fork(fork)) => return self.fork_failed(fork, failure),
+            Some(Driver::Solve(solve)) => self.solve_failed(*solve, &failure),
             Some(Driver::Body(_) | Driver::Wrap(_) | Driver::Origin(_)) | None => {}
         }
         Err(failure)
@@ -708,9 +755,3 @@ impl Machine {
 
 /// How deep `run-plan` may nest.
 const MOST_RUNS: usize = 100;
-
-fn not_grounded(desc: &Value) -> Raise {
-    let message = format!("`ground` knows no plan that performs {}", crate::print::brief(desc));
-    let fields = vec![("message", Value::str(message)), ("action", desc.clone())];
-    Box::new(Failure::with(Builtin::ActionNotGrounded, fields))
-}

@@ -144,8 +144,8 @@ impl Machine {
         Ok(add_to_inputs(Fluent::derived(self.number(), value, derived)))
     }
 
-    /// A number that no other fluent gets.
-    fn number(&mut self) -> u64 {
+    /// A number that no other fluent or stream gets.
+    pub(super) fn number(&mut self) -> u64 {
         self.fresh += 1;
         self.fresh
     }
@@ -238,8 +238,20 @@ impl Machine {
         Ok(Some(Exit::Wait))
     }
 
-    /// The value of a function without parameters, computed at once: it may not wait, and calls no plan.
+    /// The value of a derived fluent.
     fn compute(&mut self, host: &mut dyn Host, function: &Value) -> Result<Value, Raise> {
+        self.compute_at_once(host, function, Vec::new(), "an expression over fluents")
+    }
+
+    /// The value of a function, computed at once: it may not wait, and calls no plan. `what` it is, for
+    /// messages.
+    pub(super) fn compute_at_once(
+        &mut self,
+        host: &mut dyn Host,
+        function: &Value,
+        args: Vec<Value>,
+        what: &str,
+    ) -> Result<Value, Raise> {
         let mut run = self.scratch.take().unwrap_or_else(|| Box::new(Run::new(Default::default(), false)));
         run.number = u64::MAX;
         run.frames.clear();
@@ -249,7 +261,7 @@ impl Machine {
         let depth = self.runs.len();
         self.runs.push(*run);
         let mut left = FUEL;
-        let exit = match self.call_value(host, 0, crate::code::SiteId(0), function, Vec::new()) {
+        let exit = match self.call_value(host, 0, crate::code::SiteId(0), function, args) {
             Ok(Some(exit)) => exit,
             Ok(None) => self.run_for(host, &mut left),
             Err(raise) => Exit::Failed(Value::new(Obj::Failure(raise))),
@@ -257,16 +269,15 @@ impl Machine {
         self.runs.truncate(depth + 1);
         let mut run = self.runs.pop();
         self.top().world = run.as_mut().and_then(|run| run.world.take());
-        self.steps += FUEL - left;
-        self.top().tasks.in_turn += FUEL - left;
+        self.beside += FUEL - left;
         let has_nodes = run.as_ref().is_some_and(|run| run.tree.len() > 1);
         self.scratch = run.filter(|_| !has_nodes && matches!(exit, Exit::Done(_))).map(Box::new);
-        let refused = |what: &str| {
-            let message = format!("an expression over fluents {what}");
+        let refused = |why: &str| {
+            let message = format!("{what} {why}");
             Box::new(Failure::new(Builtin::ProgramError, message))
         };
         match exit {
-            _ if has_nodes => Err(refused("calls no plans: it is computed whenever one of them changes")),
+            _ if has_nodes => Err(refused("calls no plans")),
             Exit::Done(value) => Ok(value),
             Exit::Failed(failure) => match failure.as_failure() {
                 Some(failure) => {

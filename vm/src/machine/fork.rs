@@ -343,8 +343,8 @@ impl Machine {
 
     /// A branch has ended: its form hears of it, and has a turn if that may decide something.
     pub(super) fn branch_ended(&mut self, id: TaskId, outcome: Outcome) {
-        let round = self.round;
         let run = self.top();
+        let round = run.tasks.rounds;
         let task = run.tasks.get(id);
         let (parent, ordinal, stopped) = (task.parent, task.ordinal as usize, task.evaporate.is_some());
         let record = run.tree.record(task.rec);
@@ -417,7 +417,7 @@ impl Machine {
                     let winner = in_round(round).find(|at| fork.branches[**at].has_succeeded())?;
                     Some(Ok(fork.branches[*winner].value()))
                 });
-                winner.or_else(|| is_over.then(|| Err(all_failed(fork))))
+                winner.or_else(|| is_over.then(|| Err(self.raised_here(all_failed(fork)))))
             }
             ForkKind::WithTimeout => match fork.branches.first()?.end.clone() {
                 Some((_, Err(failure))) if is_evaporation(&failure) => Some(Ok(Value::NIL)),
@@ -462,11 +462,11 @@ impl Fork {
     }
 }
 
-fn all_failed(fork: &Fork) -> Value {
+fn all_failed(fork: &Fork) -> Failure {
     let failures: Vec<Value> = fork.branches.iter().filter_map(|it| it.failure().cloned()).collect();
     let message = format!("none of the {} alternatives of `{}` succeeded", failures.len(), fork.kind.word());
     let fields = vec![("message", Value::str(message)), ("failures", Value::list(failures))];
-    Value::failure(Failure::with(Builtin::CompositeFailure, fields))
+    Failure::with(Builtin::CompositeFailure, fields)
 }
 
 /// Seconds of the task clock in nanoseconds.

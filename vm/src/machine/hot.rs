@@ -274,6 +274,8 @@ pub(super) fn run<const OWES: bool>(
                         set!(d, first);
                         set!(d.wrapping_add(1), rest);
                     }
+                    // The answers of a query are walked over one by one, too.
+                    None if at!(d.wrapping_add(1)).is_stream() => break 'window Out::Slow(op),
                     None => {
                         try_op!(end_of_list(&at!(d.wrapping_add(1))));
                         jump!(t);

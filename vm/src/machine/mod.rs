@@ -7,6 +7,7 @@
 //! [`hot`] is the loop; [`call`] what calls need beyond a frame; [`drive`] calls that take
 //! several steps (goals, grounding, edits); [`unwind`] how failures find their handlers, [`cleanup`]
 //! the time that clean-ups have; [`edits`] adds edits to a tree, [`obligation`] does what is put off;
+//! [`solve`] asks rules,
 //! [`task`] gives tasks their turns, [`fork`] begins and ends them, [`fluent`] wakes them.
 //!
 //! Invariants
@@ -19,10 +20,12 @@ mod call;
 mod cleanup;
 mod drive;
 mod edits;
+mod explain;
 mod fluent;
 mod fork;
 mod hot;
 mod obligation;
+mod solve;
 mod task;
 mod unwind;
 
@@ -46,8 +49,10 @@ use crate::world::WorldSlot;
 
 pub use call::takes;
 use drive::Driver;
+pub use explain::PlanStep;
 pub use fluent::TaskOp;
 pub use fork::{ForkKind, nanoseconds};
+pub use solve::{Part, Query};
 use task::Tasks;
 
 /// Units of fuel in a round: part of the language, for the clock moves by rounds.
@@ -133,6 +138,8 @@ struct Run {
     raised: Raised,
     /// All plan calls take the long way, which tells the host of them.
     traced: bool,
+    /// The tree as rules see it, as it was after so many changes.
+    view: Option<(u64, Rc<crate::rules::view::TreeView>)>,
     /// The register of the run below that takes the tree.
     deliver: usize,
     /// Tells it from other runs.
@@ -172,6 +179,7 @@ impl Run {
             leaving: None,
             raised: Raised::default(),
             traced,
+            view: None,
             deliver: 0,
             number: 0,
             world: None,
@@ -246,6 +254,8 @@ pub struct Machine {
     broke: Option<crate::tree::SlotId>,
     /// The host has stopped the run while time was to pass.
     halted: bool,
+    /// Fuel of computing fluents that has not been counted yet.
+    beside: u64,
     /// Where derived fluents are computed.
     scratch: Option<Box<Run>>,
     /// How many runs have begun inside of the outermost.
@@ -280,6 +290,7 @@ impl Machine {
             breaks: Vec::new(),
             broke: None,
             halted: false,
+            beside: 0,
             scratch: None,
             inner_runs: 0,
         }
@@ -376,6 +387,7 @@ impl Machine {
                     None => continue,
                 }
             }
+            self.count_beside(&mut 0);
             let limit = self.limits.fuel.saturating_add(if self.last_fuel { LAST_FUEL } else { 0 });
             let until = limit.min(stop.unwrap_or(limit)).min(self.steps + QUANTUM - self.top().tasks.in_turn);
             let given = until.saturating_sub(self.steps);
@@ -396,6 +408,16 @@ impl Machine {
                 return Progress::Ended(outcome);
             }
         }
+    }
+
+    /// Computing a fluent is part of the turn in which it is set: its fuel is counted there, first in what is
+    /// left of the stretch.
+    fn count_beside(&mut self, left: &mut u64) {
+        let beside = std::mem::take(&mut self.beside);
+        let within = beside.min(*left);
+        *left -= within;
+        self.steps += beside - within;
+        self.top().tasks.in_turn += beside - within;
     }
 
     /// What becomes of a run whose loaded task has left the loop.

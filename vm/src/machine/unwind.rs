@@ -165,8 +165,11 @@ fn is_beside(other: &Value, handled: &Value) -> bool {
     handled.as_failure().is_some_and(|it| it.also.iter().any(|also| is_same_event(also, other)))
 }
 
-/// True for copies of one failure: a clause that lets it pass raises a copy.
+/// True for copies of one failure: a clause that lets it pass raises a copy. A task is stopped once.
 fn is_same_event(one: &Value, other: &Value) -> bool {
+    if is_evaporation(one) && is_evaporation(other) {
+        return true;
+    }
     matches!((one.as_failure(), other.as_failure()), (Some(one), Some(other)) if one.is_same_event(other))
 }
 
@@ -189,6 +192,10 @@ fn add_cause(failure: &Value, cause: &Value, depth: usize) -> Value {
 /// A failure, with another one that ended after it.
 pub(super) fn with_also(failure: &Value, other: Value) -> Value {
     let Some(it) = failure.as_failure() else { return other };
+    if is_same_event(failure, &other) {
+        // Who waited for a task that failed fails with the same.
+        return failure.clone();
+    }
     let mut it = it.clone();
     if it.also.len() < MOST_KEPT {
         it.also.push(other);

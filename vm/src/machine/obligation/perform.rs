@@ -52,8 +52,8 @@ impl Machine {
         held.into_iter().find(|at| run.obligations[*at].is_over(program, &view, pc))
     }
 
-    /// Of the obligations of a form that ends: one whose q is done, else one whose q is not owed
-    /// here as well, else the first. One whose q is owed further out moves there. (7)
+    /// Of the obligations of a form that ends: the first whose q is not owed here as well, else the
+    /// first. One whose q is owed further out moves there. (7)
     fn first_at_end(&mut self, ended: &[usize]) -> Option<usize> {
         let run = self.top();
         for at in ended {
@@ -68,13 +68,9 @@ impl Machine {
                     .first_at_end(&ended.iter().copied().filter(|other| other != at).collect::<Vec<_>>());
             }
         }
-        let done = |at: &&usize| {
-            let rec = run.tree.shown(run.obligations[**at].after);
-            rec.is_some_and(|rec| matches!(run.tree.record(rec).status, Status::Succeeded | Status::Skipped))
-        };
         let owed: Vec<SlotId> = ended.iter().map(|at| run.obligations[*at].slot).collect();
         let free = |at: &&usize| !owed.contains(&run.obligations[**at].after);
-        ended.iter().find(done).or_else(|| ended.iter().find(free)).or(ended.first()).copied()
+        ended.iter().find(free).or(ended.first()).copied()
     }
 
     /// A failure leaves a form: what the form holds is performed before. The index of it.

@@ -207,7 +207,7 @@ impl Run {
                     }
                     // The call itself is made by a task above.
                     Driver::Origin(_) => continue,
-                    Driver::Call(_) | Driver::Fork(_) => {
+                    Driver::Call(_) | Driver::Fork(_) | Driver::Solve(_) => {
                         *skips = false;
                         continue;
                     }

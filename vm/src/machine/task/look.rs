@@ -42,7 +42,6 @@ impl Machine {
         let all = run.tasks.all.iter().enumerate().filter(|(_, task)| which(task));
         all.map(|(at, task)| {
             let id = TaskId(at as u32);
-            let here = task.parked.as_ref().map_or(run.here, |parked| parked.here);
             let waits = match (task.state, awaited.get(&id)) {
                 (State::Waiting(Waits::Time), Some(what)) => Some(format!("waits for {what}, or a time")),
                 (State::Waiting(_), Some(what)) => Some(format!("waits for {what}")),
@@ -56,7 +55,7 @@ impl Machine {
                 _ if run.tasks.running && run.tasks.loaded == id => "runs".to_string(),
                 _ => "is ready".to_string(),
             };
-            (paths.path(run.tree.record(run.record(here)).slot), what)
+            (paths.path(run.tree.record(run.stands_in(task)).slot), what)
         })
         .collect()
     }

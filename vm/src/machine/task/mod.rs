@@ -81,6 +81,8 @@ pub(in crate::machine) struct Task {
     pub raise: Option<Raise>,
     /// Tells this wait from all others of the run.
     pub token: u64,
+    /// Facts and trees that its queries see for a while.
+    pub scope: super::solve::Scoped,
     parked: Option<Box<Parked>>,
 }
 
@@ -136,6 +138,8 @@ pub(in crate::machine) struct Tasks {
     pub running: bool,
     /// Fuel used in this turn.
     pub in_turn: u64,
+    /// Rounds of this run: those of a run inside of it are none of its own.
+    pub rounds: u64,
     /// Who has a turn in this round, last first.
     round: Vec<TaskId>,
     /// Who has one in the next.
@@ -191,6 +195,7 @@ impl Tasks {
             loaded: TaskId::ROOT,
             running: true,
             in_turn: 0,
+            rounds: 0,
             round: Vec::new(),
             ready: Vec::new(),
             held: Vec::new(),
@@ -244,6 +249,11 @@ impl Tasks {
     pub(in crate::machine) fn is_waiting(&self, id: TaskId, token: u64) -> bool {
         let task = self.all.get(id.at());
         task.is_some_and(|task| task.token == token && matches!(task.state, State::Waiting(_)))
+    }
+
+    /// Who has a turn in the next round.
+    pub(in crate::machine) fn ready_tasks(&self) -> Vec<TaskId> {
+        self.ready.clone()
     }
 
     /// About how much memory they take.
@@ -348,6 +358,7 @@ impl Task {
             begins_with: None,
             raise: None,
             token: 0,
+            scope: None,
             parked: None,
         }
     }
@@ -363,7 +374,8 @@ impl Run {
         let depth = self.tasks.get(parent).depth + 1;
         let id = TaskId(self.tasks.all.len() as u32);
         let limit = self.cleanups.last().map_or(self.tasks.get(parent).limit, CleanUp::deadline);
-        self.tasks.all.push(Task { limit, ..Task::new(slot, RecId(0), parent, ordinal, depth) });
+        let scope = self.tasks.get(parent).scope.clone();
+        self.tasks.all.push(Task { limit, scope, ..Task::new(slot, RecId(0), parent, ordinal, depth) });
         id
     }
 
@@ -455,6 +467,24 @@ impl Run {
         match &self.tasks.get(id).parked {
             Some(parked) => (&parked.frames, &parked.drivers),
             None => (&self.frames, &self.drivers),
+        }
+    }
+
+    /// The clean-ups that a task is in.
+    pub(in crate::machine) fn cleanups_of(&mut self, id: TaskId) -> &mut [CleanUp] {
+        match &mut self.tasks.get_mut(id).parked {
+            Some(parked) => &mut parked.cleanups,
+            None => &mut self.cleanups,
+        }
+    }
+
+    /// The record whose code a task does.
+    pub(in crate::machine) fn stands_in(&self, task: &Task) -> RecId {
+        match &task.parked {
+            // A branch with edits that has not begun.
+            Some(_) if task.begins_with.is_some() => task.rec,
+            Some(parked) => self.record(parked.here),
+            None => self.record(self.here),
         }
     }
 

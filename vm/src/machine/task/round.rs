@@ -52,6 +52,8 @@ impl Machine {
                 continue;
             }
             self.load(id);
+            // What the end of another turn led to is no part of this one.
+            self.steps += std::mem::take(&mut self.beside);
             let tasks = &mut self.top().tasks;
             (tasks.running, tasks.in_turn) = (true, 0);
             return self.begin_turn(host);
@@ -97,6 +99,7 @@ impl Machine {
 
     /// The loaded task has used up its quantum.
     pub(in crate::machine) fn use_up_turn(&mut self) {
+        self.forget_left_cleanups();
         let tasks = &mut self.top().tasks;
         (tasks.running, tasks.busy) = (false, true);
         let id = tasks.loaded;
@@ -156,6 +159,7 @@ impl Machine {
 
     /// The loaded task waits. In a clean-up it does so for a limited time.
     pub(in crate::machine) fn has_begun_to_wait(&mut self) {
+        self.forget_left_cleanups();
         let run = self.top();
         let id = run.tasks.loaded;
         let task = run.tasks.get(id);
@@ -175,6 +179,7 @@ impl Machine {
     fn end_round(&mut self, host: &mut dyn Host) -> Option<Outcome> {
         self.round += 1;
         let run = self.top();
+        run.tasks.rounds += 1;
         let busy = std::mem::take(&mut run.tasks.busy);
         let next = run.tasks.next_timer();
         if busy {
@@ -188,6 +193,7 @@ impl Machine {
                     if !self.log.is_replaying() && !host.pass(at.saturating_sub(now)) {
                         // The round has not ended: it does so when the run goes on.
                         self.round -= 1;
+                        self.top().tasks.rounds -= 1;
                         self.halted = true;
                         return None;
                     }
@@ -202,9 +208,10 @@ impl Machine {
         if let Err(differs) = self.answer_all(host) {
             return self.interrupt(host, Box::new(Failure::new(Builtin::ProgramError, differs)));
         }
-        let full = self.check_memory_again(busy);
-        let checked = if busy { full.and_then(|()| self.check_cleanups()) } else { full };
-        if let Err(raise) = checked {
+        if busy {
+            self.top().check_cleanups();
+        }
+        if let Err(raise) = self.check_memory_again(busy) {
             let outcome = self.interrupt(host, raise);
             if outcome.is_some() {
                 return outcome;

@@ -1,0 +1,299 @@
+//! `pleach query`: asks the rules of a file, over facts and trees.
+
+use std::path::{Path, PathBuf};
+use std::rc::Rc;
+
+use clap::Args;
+use compiler::Report;
+use pleach::session::Output;
+use pleach::{Answer as Found, Ended, Explained, Question, Session};
+use serde_json::{Map, Value as Json, json};
+use vm::rules::view::TreeView;
+use vm::rules::why::Explanation;
+use vm::value::Value;
+
+use super::run::{self, Job};
+use super::settings::Settings;
+use super::{Answer, ERRORS, FAILED, INTERRUPTED, Trouble, files, interrupt, json, term};
+
+pub const HELP: &str = "\
+Examples:
+  pleach query family.plan '(ancestor ?x eve)'
+  pleach query family.plan '(parent ?x ?y) (not (parent ?y ?_))' --all
+  pleach query family.pl   '(ancestor ?x eve)' --most 3
+  pleach query kitchen.plan '(task-status ?task failed)' --run --all
+  pleach query kitchen.plan '(transport-task top-level ?task)' --run=set-table --seed 7
+  pleach query family.plan '(ancestor seth ?x)' --why
+  pleach query kitchen.plan '(both-hands ?a ?b)' --run --plan
+  pleach run kitchen.plan --json > monday.json
+  pleach query rules.plan '(both-hands ?one ?other)' --tree monday.json --all
+
+The goal is what could stand after a head in `def-rules`; several goals must hold together. Words
+that begin with `?` are asked for, `?_` is anything. The file is a plan file, or Prolog text that ends
+in .pl; its top-level forms are run first. Goals about tasks see the tree of that, with --run that of
+the plan, with --tree that of an earlier run. `pleach doc rule` lists predicates of the library,
+`pleach doc task-rule` those about tasks.
+
+An answer is a line `?x = value` for each variable, `true.` where there is none to ask for; if there
+is no answer, `false.`. What the plan of --run prints goes to stderr.
+With --why the proof of the first answer is printed, or for each clause what fails in it, the nearest first.
+With --json stdout is one object:
+  answers   [{\"?x\": \"value\"}], values as `write` prints them
+  more      whether there may be more answers than were asked for
+  why       {holds, parts: [{text, place, parts}]}; with --why
+  plan      [{goal, expected, held}]; with --plan
+  failure   {type, fields, task, place, cause, also}; where looking for answers failed
+  errors    [{severity, code, message, help, file, line, column, labels}]; where there are some
+Exit codes: 0 there is an answer · 1 there is none, or the query failed · 2 errors in the file or
+goal · 130 stopped by Ctrl-C.";
+
+/// `pleach query`
+#[derive(Args)]
+pub struct Query {
+    /// A plan file, or Prolog text (.pl)
+    file: PathBuf,
+    /// What is to hold: (predicate ?x …)
+    goal: String,
+    /// All answers, not only the first
+    #[arg(long, conflicts_with = "most")]
+    all: bool,
+    /// So many answers at most
+    #[arg(long, value_name = "N", value_parser = super::settings::count)]
+    most: Option<u64>,
+    /// Run a plan of the file first, `main` if not said: goals about tasks see its tree
+    #[arg(long, value_name = "PLAN", num_args = 0..=1, require_equals = true, default_missing_value = "main", conflicts_with = "tree")]
+    run: Option<String>,
+    /// An argument of the plan, as a form; once for each
+    #[arg(long = "arg", value_name = "FORM", allow_hyphen_values = true, requires = "run")]
+    args: Vec<String>,
+    /// A file that `pleach run --json` wrote: goals about tasks see its tree
+    #[arg(long, value_name = "FILE")]
+    tree: Option<PathBuf>,
+    /// Why the goal holds, with the places of the rules; or why it does not
+    #[arg(long, conflicts_with_all = ["all", "most", "plan"])]
+    why: bool,
+    /// The order in which the goals are solved, with how often each was expected to hold and how often it did
+    #[arg(long, conflicts_with_all = ["all", "most"])]
+    plan: bool,
+    /// Print the answers as JSON
+    #[arg(long)]
+    json: bool,
+    #[command(flatten)]
+    settings: Settings,
+}
+
+/// What programs print goes to where it does not mix with answers.
+struct Aside;
+
+impl Output for Aside {
+    fn print(&mut self, text: &str) {
+        term::complain(text);
+    }
+    fn goes_on(&mut self) -> bool {
+        !interrupt::asked()
+    }
+}
+
+/// Asks.
+pub fn run(it: Query) -> Answer {
+    interrupt::listen();
+    let mut session = Session::new(it.settings.options(term::error_style())?);
+    let tree = it.tree.as_deref().map(|path| read_tree(&session, path)).transpose()?;
+    let loaded = session.load_file(&it.file).map_err(|why| files::unreadable(&it.file, why))?;
+    if !loaded.reports.iter().all(Report::is_warning) {
+        return Ok(errors(&session, &it, &loaded.reports));
+    }
+    loaded.reports.iter().for_each(|warning| term::complain(&session.report(warning)));
+    let job = Job {
+        file: it.file.clone(),
+        plan: it.run.clone(),
+        args: it.args.clone(),
+        settings: it.settings.clone(),
+    };
+    let ended = match it.run {
+        Some(_) => {
+            let call = run::call(&session, &job)?;
+            session.run_call(loaded, call.as_deref(), &mut Aside)
+        }
+        None => session.load_only(loaded, &mut Aside),
+    };
+    match ended {
+        Ended::Errors(reports) => return Ok(errors(&session, &it, &reports)),
+        Ended::NotLoaded(failure) => {
+            term::complain("error: the file could not be loaded: one of its top-level forms failed\n");
+            failed(&session, &it, &failure, Vec::new());
+            return Ok(ERRORS);
+        }
+        Ended::Stopped => return Ok(INTERRUPTED),
+        // What became of the plan can be asked.
+        Ended::Ran(Err(failure)) => term::complain(&format!(
+            "note: the plan failed: {}\n",
+            failure.as_failure().map_or_else(String::new, |failure| vm::show::safe(&failure.name))
+        )),
+        Ended::Ran(Ok(_)) => {}
+    }
+    let code = ask(&mut session, &it, tree);
+    // Freeing a large tree takes longer than leaving that to the system.
+    std::mem::forget(session);
+    code
+}
+
+fn read_tree(session: &Session, path: &Path) -> Result<Rc<TreeView>, Trouble> {
+    session.read_tree(path).map_err(|why| {
+        let help = "write one with: pleach run FILE.plan --json > tree.json";
+        if path.exists() {
+            Trouble::new(why, help)
+        } else {
+            Trouble::new(why, "check the name, and the folder that you are in")
+        }
+    })
+}
+
+fn ask(session: &mut Session, it: &Query, tree: Option<Rc<TreeView>>) -> Answer {
+    let mut question = match session.ask("goal", &it.goal, tree) {
+        Ok(question) => question,
+        Err(reports) => return Ok(errors(session, it, &reports)),
+    };
+    if it.why {
+        return explain(session, it, &mut question);
+    }
+    if it.plan {
+        return plan(session, it, &mut question);
+    }
+    let most = if it.all { u64::MAX } else { it.most.unwrap_or(1) };
+    // Limits hold for the query by itself.
+    let machine = &mut session.machine;
+    machine.limits.fuel = machine.limits.fuel.saturating_add(machine.steps());
+    let (mut answers, mut count, mut more) = (Vec::new(), 0, true);
+    while more && count < most {
+        let answer = match session.next_answer(&mut question) {
+            Ok(Some(answer)) => answer,
+            Ok(None) => {
+                more = false;
+                break;
+            }
+            Err(failure) => {
+                failed(session, it, &failure, answers);
+                return Ok(FAILED);
+            }
+        };
+        more = !answer.is_last;
+        match it.json {
+            true => answers.push(answer_json(session, &answer)),
+            false => term::say(&answer_text(session, &answer, count == 0)),
+        }
+        count += 1;
+        if interrupt::asked() {
+            return Ok(INTERRUPTED);
+        }
+    }
+    if it.json {
+        term::say(&format!("{}\n", json!({"answers": answers, "more": more})));
+    } else if count == 0 && most > 0 {
+        term::say("false.\n");
+    } else if more && it.most.is_none() {
+        term::complain("there may be more answers: --all shows them\n");
+    } else if more {
+        term::complain("there may be more answers\n");
+    }
+    Ok(if count == 0 { FAILED } else { 0 })
+}
+
+/// `--why`
+fn explain(session: &mut Session, it: &Query, question: &mut Question) -> Answer {
+    let explained = match session.explain(question) {
+        Ok(explained) => explained,
+        Err(failure) => {
+            failed(session, it, &failure, Vec::new());
+            return Ok(FAILED);
+        }
+    };
+    match it.json {
+        true => {
+            let parts: Vec<Json> =
+                explained.parts.iter().map(|part| explanation_json(session, part)).collect();
+            term::say(&format!("{}\n", json!({"why": {"holds": explained.holds, "parts": parts}})));
+        }
+        false => term::say(&explanation_text(session, &explained)),
+    }
+    Ok(if explained.holds { 0 } else { FAILED })
+}
+
+/// The text of an explanation.
+pub fn explanation_text(session: &Session, explained: &Explained) -> String {
+    match (explained.holds, explained.parts.is_empty()) {
+        (true, true) => "true: there is nothing to show\n".into(),
+        (false, true) => "false: no clause of the goal was near\n".into(),
+        _ => format!("{}\n", session.explanation(&explained.parts)),
+    }
+}
+
+fn explanation_json(session: &Session, part: &Explanation) -> Json {
+    let place = part.place.map(|place| session.files.show(place)).filter(|at| !at.is_empty());
+    let parts: Vec<Json> = part.parts.iter().map(|part| explanation_json(session, part)).collect();
+    json!({"text": part.text, "place": place, "parts": parts})
+}
+
+/// `--plan`
+fn plan(session: &mut Session, it: &Query, question: &mut Question) -> Answer {
+    let steps = match session.plan_of(question) {
+        Ok(steps) => steps,
+        Err(failure) => {
+            failed(session, it, &failure, Vec::new());
+            return Ok(FAILED);
+        }
+    };
+    if it.json {
+        let steps: Vec<Json> = steps
+            .iter()
+            .map(|step| json!({"goal": step.goal, "expected": step.expected, "held": step.held}))
+            .collect();
+        term::say(&format!("{}\n", json!({"plan": steps})));
+    } else {
+        term::say(&format!("{:>10} {:>10}  goal\n", "expected", "held"));
+        for step in &steps {
+            term::say(&format!(
+                "{:>10.0} {:>10}  {}\n",
+                step.expected,
+                step.held,
+                vm::show::safe(&step.goal)
+            ));
+        }
+    }
+    Ok(if steps.last().is_some_and(|step| step.held > 0) { 0 } else { FAILED })
+}
+
+/// A line for each variable; an empty one between answers of several.
+pub fn answer_text(session: &Session, answer: &Found, is_first: bool) -> String {
+    let lines: Vec<String> =
+        answer.values.iter().map(|(name, value)| format!("{name} = {}\n", session.write(value))).collect();
+    match lines.len() {
+        0 => "true.\n".into(),
+        1 => lines.concat(),
+        _ => format!("{}{}", if is_first { "" } else { "\n" }, lines.concat()),
+    }
+}
+
+fn answer_json(session: &Session, answer: &Found) -> Json {
+    let pairs = answer.values.iter().map(|(name, value)| (name.to_string(), json!(session.write(value))));
+    Json::Object(pairs.collect::<Map<String, Json>>())
+}
+
+/// Shows what is wrong with the file or the goal.
+fn errors(session: &Session, it: &Query, reports: &[Report]) -> u8 {
+    if it.json {
+        let errors: Vec<Json> = reports.iter().map(|it| json::report(&session.files, it)).collect();
+        term::say(&format!("{}\n", json!({"errors": errors})));
+    }
+    reports.iter().for_each(|it| term::complain(&session.report(it)));
+    ERRORS
+}
+
+/// Shows why there are no more answers.
+fn failed(session: &Session, it: &Query, failure: &Value, answers: Vec<Json>) {
+    if it.json {
+        let failure = json::failure(&session.files, &session.machine.program, failure);
+        term::say(&format!("{}\n", json!({"answers": answers, "more": false, "failure": failure})));
+    }
+    term::complain(&run::failure_text(session, failure));
+}

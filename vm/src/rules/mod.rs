@@ -1,0 +1,356 @@
+//! Rules: Horn clauses over facts, trees and values.
+//!
+//! [`clause`] is what the compiler makes of the text, [`lower`] makes instructions of it ([`op`]),
+//! [`engine`] runs them on the terms of a [`store`]. [`index`] finds the clauses and facts that can
+//! answer a call; [`tabling`] keeps what has been answered; [`native`] and [`tree`] are predicates that
+//! are written in Rust; [`why`] explains, with the clauses as text ([`show`]).
+
+pub mod clause;
+mod collect;
+pub mod engine;
+pub mod index;
+pub mod lower;
+pub mod native;
+pub mod nearest;
+pub mod op;
+pub mod plan;
+pub mod show;
+pub mod store;
+pub mod stream;
+mod structure;
+pub mod tabling;
+pub mod tree;
+pub mod view;
+pub mod why;
+
+use std::rc::Rc;
+
+use clause::{Clause, Declared, Kind, PredId};
+use index::{ClauseIndex, Facts};
+use lower::Keys;
+use native::NativeRule;
+use op::RuleOp;
+use store::{CONSTANT, Cell, Outside};
+
+use crate::code::{Pc, Place};
+use crate::value::{Obj, Symbol, Value};
+use view::TreeView;
+
+/// The name of the predicate that says which plan performs an action.
+pub const GROUNDING: &str = "action-grounding";
+
+/// All rules of a program. Like its code it only grows, but clauses may be taken away.
+pub struct Rules {
+    /// The predicates.
+    pub predicates: Vec<Predicate>,
+    /// Instructions of all clauses.
+    pub code: Vec<RuleOp>,
+    /// Where each instruction comes from.
+    pub places: Vec<Place>,
+    /// Which predicate the instructions from here on belong to.
+    pub extents: Vec<(Pc, PredId)>,
+    /// Lists of clauses that indexes refer to.
+    pub lists: Vec<Pc>,
+    /// Constants of clauses and facts.
+    pub constants: Rc<Vec<Value>>,
+    /// The same as cells.
+    pub cells: Vec<Cell>,
+    /// Shapes and keys of structures in clauses.
+    pub templates: Vec<Keys>,
+    /// The predicate that says which plan performs an action, if a module declares it.
+    pub grounding: Option<PredId>,
+    /// The predicates that look tasks up below another one: directly, and anywhere.
+    pub(crate) look_ups: [Option<PredId>; 2],
+    constant_index: rustc_hash::FxHashMap<u64, Vec<u32>>,
+    /// Predicates that have changed since they were compiled.
+    changed: Vec<PredId>,
+}
+
+impl Default for Rules {
+    fn default() -> Rules {
+        Rules {
+            predicates: Vec::new(),
+            // Where a query goes on when it holds, and a clause of a table.
+            code: vec![RuleOp::Answer, RuleOp::TableAnswer],
+            places: vec![Place::default(); 2],
+            extents: Vec::new(),
+            lists: Vec::new(),
+            constants: Rc::default(),
+            cells: Vec::new(),
+            templates: Vec::new(),
+            grounding: None,
+            look_ups: [None; 2],
+            constant_index: rustc_hash::FxHashMap::default(),
+            changed: Vec::new(),
+        }
+    }
+}
+
+/// A predicate with its clauses.
+pub struct Predicate {
+    /// What is known of it.
+    pub declared: Declared,
+    /// Its clauses, in the order in which they are tried.
+    pub clauses: Vec<Clause>,
+    /// The arguments of its facts.
+    pub facts: Vec<Vec<Value>>,
+    /// It is code, and nothing more has to be looked at.
+    is_plain: bool,
+    index: ClauseIndex,
+    /// Where the code of each clause begins.
+    entries: Vec<Pc>,
+    /// The clauses as they are written, where the planner has changed some: for explanations.
+    written: Option<ClauseIndex>,
+    /// Clauses of which the planner has changed the order of goals.
+    pub planned: Vec<Option<Clause>>,
+    /// Predicates that stand in the place of calls in its clauses.
+    inlined: Vec<PredId>,
+    table: Rc<Facts>,
+    native: Option<NativeRule>,
+    /// A query for it may look at a tree.
+    sees_tree: bool,
+}
+
+/// What a query asks for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Ask {
+    /// `(ask goal)`: true or false.
+    Whether,
+    /// `(answers template goal)`: a list of all.
+    All,
+    /// `(query goal)`: a stream.
+    Stream,
+}
+
+/// What a query sees besides rules: all as it was when the query was opened.
+#[derive(Clone, Default)]
+pub struct View {
+    /// Facts that are in force for a while, the newest first.
+    pub scoped: Vec<(PredId, Rc<Facts>)>,
+    /// The task tree.
+    pub tree: Rc<TreeView>,
+}
+
+impl Outside for View {
+    fn task(&self, task: u32) -> Value {
+        Value::new(Obj::Path(Box::new(self.tree.path(task))))
+    }
+}
+
+impl Rules {
+    /// A new predicate without clauses.
+    pub fn declare(&mut self, declared: Declared) -> PredId {
+        let native = match declared.kind {
+            Kind::Native => native::find(&declared.name, declared.arity),
+            _ => None,
+        };
+        self.predicates.push(Predicate {
+            declared,
+            clauses: Vec::new(),
+            facts: Vec::new(),
+            is_plain: false,
+            index: ClauseIndex::default(),
+            entries: Vec::new(),
+            written: None,
+            planned: Vec::new(),
+            inlined: Vec::new(),
+            table: Rc::default(),
+            native,
+            sees_tree: false,
+        });
+        let id = PredId(self.predicates.len() as u32 - 1);
+        let it = &self.predicates[id.at()].declared;
+        if it.name == GROUNDING && it.arity == 2 && self.grounding.is_none() {
+            self.grounding = Some(id);
+        }
+        match (it.name.as_str(), it.arity, it.kind) {
+            ("subtask-with", 4, Kind::Native) => self.look_ups[0] = Some(id),
+            ("subtask+-with", 4, Kind::Native) => self.look_ups[1] = Some(id),
+            _ => {}
+        }
+        id
+    }
+
+    /// Adds a clause; see [`Clause::priority`] for the order.
+    pub fn add(&mut self, clause: Clause) {
+        let Some(predicate) = self.predicates.get_mut(clause.predicate.at()) else { return };
+        let rank = |it: &Clause| (std::cmp::Reverse(it.priority), std::cmp::Reverse(it.text));
+        let at = predicate.clauses.partition_point(|it| rank(it) <= rank(&clause));
+        self.changed.push(clause.predicate);
+        predicate.clauses.insert(at, clause);
+    }
+
+    /// Adds a fact.
+    pub fn add_fact(&mut self, predicate: PredId, args: Vec<Value>) {
+        if let Some(it) = self.predicates.get_mut(predicate.at()) {
+            it.facts.push(args);
+            self.changed.push(predicate);
+        }
+    }
+
+    /// Forgets the clauses and facts of a predicate.
+    pub fn clear(&mut self, predicate: PredId) {
+        if let Some(it) = self.predicates.get_mut(predicate.at()) {
+            it.clauses.clear();
+            it.facts.clear();
+            self.changed.push(predicate);
+        }
+    }
+
+    /// Forgets those clauses of a predicate that stand at a place.
+    pub fn forget(&mut self, predicate: PredId, place: Place) {
+        let inside = |it: Place| it.file == place.file && place.start <= it.start && it.end <= place.end;
+        if let Some(it) = self.predicates.get_mut(predicate.at()) {
+            it.clauses.retain(|clause| !inside(clause.place));
+            self.changed.push(predicate);
+        }
+    }
+
+    /// Compiles what has changed. Returns the clauses that have too many variables.
+    pub fn link(&mut self) -> Vec<Place> {
+        let mut changed = std::mem::take(&mut self.changed);
+        self.add_dependents(&mut changed);
+        changed.sort();
+        changed.dedup();
+        let mut refused = Vec::new();
+        for id in changed {
+            let planned: Vec<_> =
+                self.predicates[id.at()].clauses.iter().map(|clause| plan::plan(self, clause)).collect();
+            let clauses = std::mem::take(&mut self.predicates[id.at()].clauses);
+            let written = self.compile(clauses.iter(), &mut refused);
+            let entries = written.iter().map(|clause| clause.0).collect();
+            let is_planned = planned.iter().any(Option::is_some);
+            let (code, plain) = match is_planned {
+                true => {
+                    let better = clauses.iter().zip(&planned);
+                    let better = better.map(|(it, planned)| planned.as_ref().map_or(it, |it| &it.clause));
+                    let code = self.compile(better, &mut refused);
+                    (code, Some(ClauseIndex::new(&written, &mut self.lists)))
+                }
+                false => (written, None),
+            };
+            let inlined = planned.iter().flatten().flat_map(|it| it.inlined.iter().copied()).collect();
+            let facts = std::mem::take(&mut self.predicates[id.at()].facts);
+            let cells = facts.iter().flatten().map(|value| self.cell(value)).collect();
+            let index = ClauseIndex::new(&code, &mut self.lists);
+            let it = &mut self.predicates[id.at()];
+            (it.entries, it.written, it.inlined) = (entries, plain, inlined);
+            it.planned = planned.into_iter().map(|it| it.map(|it| it.clause)).collect();
+            it.table = Rc::new(Facts::new(it.declared.arity.into(), cells));
+            (it.clauses, it.facts, it.index) = (clauses, facts, index);
+            it.is_plain = it.table.is_empty() && it.native.is_none() && !it.declared.tabled;
+        }
+        self.look_for_trees();
+        refused
+    }
+
+    fn compile<'c>(
+        &mut self,
+        clauses: impl Iterator<Item = &'c Clause>,
+        refused: &mut Vec<Place>,
+    ) -> Vec<(Pc, Vec<Option<index::Key>>)> {
+        let mut code = Vec::new();
+        for clause in clauses {
+            match lower::lower(self, clause) {
+                Ok(lowered) => code.push((lowered.entry, lowered.keys)),
+                Err(lower::TooManyVariables) => refused.push(clause.place),
+            }
+        }
+        code
+    }
+
+    /// What has been put in the place of a call has to be put there again when it changes.
+    fn add_dependents(&self, changed: &mut Vec<PredId>) {
+        let mut at = 0;
+        while let Some(id) = changed.get(at).copied() {
+            at += 1;
+            let dependents = self.predicates.iter().enumerate().filter(|it| it.1.inlined.contains(&id));
+            let new: Vec<PredId> =
+                dependents.map(|it| PredId(it.0 as u32)).filter(|id| !changed.contains(id)).collect();
+            changed.extend(new);
+        }
+    }
+
+    /// Finds out which predicates may look at a tree.
+    fn look_for_trees(&mut self) {
+        let on_trees = |it: &Predicate| tree::TABLE.iter().any(|native| it.declared.name == native.0);
+        for it in &mut self.predicates {
+            it.sees_tree = it.native.is_some() && on_trees(it);
+        }
+        loop {
+            let sees = |id: PredId| self.predicates[id.at()].sees_tree;
+            let more: Vec<usize> = (0..self.predicates.len())
+                .filter(|at| {
+                    let it = &self.predicates[*at];
+                    !it.sees_tree && it.clauses.iter().any(|clause| clause.body.calls(&sees))
+                })
+                .collect();
+            if more.is_empty() {
+                return;
+            }
+            more.into_iter().for_each(|at| self.predicates[at].sees_tree = true);
+        }
+    }
+
+    /// True if the predicate is written in Rust.
+    #[must_use]
+    pub fn is_native(&self, predicate: PredId) -> bool {
+        self.predicates.get(predicate.at()).is_some_and(|it| it.native.is_some())
+    }
+
+    /// True if a query for the predicate may look at a tree.
+    #[must_use]
+    pub fn sees_tree(&self, predicate: PredId) -> bool {
+        self.predicates.get(predicate.at()).is_some_and(|it| it.sees_tree)
+    }
+
+    /// A constant as its number.
+    pub fn constant(&mut self, value: &Value) -> u32 {
+        let known = self.constant_index.entry(index::hash_value(value)).or_default();
+        if let Some(at) = known.iter().find(|at| self.constants[**at as usize] == *value) {
+            return *at;
+        }
+        let at = self.constants.len() as u32;
+        known.push(at);
+        Rc::make_mut(&mut self.constants).push(value.clone());
+        self.cells.push(match value {
+            Value::Imm(imm) => Cell::Imm(*imm),
+            Value::Obj(_) => Cell::Obj(CONSTANT + at),
+        });
+        at
+    }
+
+    /// A constant as a cell.
+    pub fn cell(&mut self, value: &Value) -> Cell {
+        match value {
+            Value::Imm(imm) => Cell::Imm(*imm),
+            Value::Obj(_) => {
+                let at = self.constant(value);
+                self.cells[at as usize]
+            }
+        }
+    }
+
+    /// The predicate of this name and number of arguments that was declared last.
+    #[must_use]
+    pub fn find(&self, name: Symbol, arity: usize) -> Option<PredId> {
+        let at = self
+            .predicates
+            .iter()
+            .rposition(|it| it.declared.name == name && usize::from(it.declared.arity) == arity)?;
+        Some(PredId(at as u32))
+    }
+
+    /// One past the last instruction of a clause.
+    fn clause_end(&self, pc: Pc) -> Pc {
+        let after = self.extents.partition_point(|(entry, _)| *entry <= pc);
+        self.extents.get(after).map_or(Pc(self.code.len() as u32), |next| next.0)
+    }
+
+    /// The predicate that an instruction belongs to.
+    #[must_use]
+    pub fn predicate_at(&self, pc: Pc) -> Option<PredId> {
+        let after = self.extents.partition_point(|(entry, _)| *entry <= pc);
+        Some(self.extents.get(after.checked_sub(1)?)?.1)
+    }
+}
