@@ -179,6 +179,18 @@ fn driving(wanted: &dyn Fn(&str) -> bool, things: &[Thing]) {
         let reached = (0..map.grid().len()).filter(|cell| flood.reaches_cell(&map, *cell)).count();
         line("flood", us, "flood", &format!("{reached} cells reached"));
     }
+    if wanted("flood, one arm on two wheels") {
+        let robot = Robot::from_urdf("one-arm.urdf", ONE_ARM).expect("the shipped robot is read");
+        let footprint = Footprint::of_robot(&robot, &robot.zero(), &[]);
+        let map = Map::new(room, &barriers, footprint, Settings::default());
+        let us = measure(10, || {
+            for _ in 0..10 {
+                let flood = Flood::new(&map, start, DriveKind::Differential);
+                std::hint::black_box(flood.is_ok());
+            }
+        });
+        line("flood, one arm on two wheels", us, "flood", "");
+    }
     let mut dice = Dice(5);
     let candidates: Vec<Place> = (0..1000)
         .map(|_| Place::new(10.0 * dice.unit() - 5.0, 10.0 * dice.unit() - 5.0, 6.0 * dice.unit()))

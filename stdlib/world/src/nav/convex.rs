@@ -2,8 +2,8 @@
 //!
 //! Corners go round against the clock and begin with the lowest one (of several, the leftmost), so
 //! that two of them add up (Minkowski) by merging their edges, and rows are filled by walking up
-//! both sides. Round outlines become polygons around them, at most 2 mm too large
-//! ([`ROUNDING_M`]): what is free here is free.
+//! both sides. Round outlines become polygons around them, at most 2 mm too large: what
+//! is free here is free.
 
 use nalgebra::{Isometry3, Vector2, Vector3};
 

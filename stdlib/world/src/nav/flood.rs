@@ -83,7 +83,7 @@ impl Flood {
             start,
             drive,
             links: links(map, start, drive),
-            costs: vec![UNREACHED; count],
+            costs: Vec::new(),
             parents: vec![0; count],
         };
         flood.run(map);
@@ -175,72 +175,65 @@ impl Flood {
 
     fn run(&mut self, map: &Map) {
         let nodes = &map.nodes;
-        let width = map.grid().width as isize;
-        let offsets = STEPS.map(|(column, row)| row * width + column);
-        let allowed: [u16; 8] = std::array::from_fn(|step| allowed(self.drive, step));
+        let parents = &mut self.parents[..];
+        let steps = steps(self.drive, map.grid().width);
+        let mut here = marks(map);
         let most = self.links.iter().map(|link| link_cost(map, link)).max().unwrap_or(0);
-        let ring = (most / BUCKET + 8) as usize;
+        // A power of two: the place in the ring is a mask.
+        let ring = (most / BUCKET + 8).next_power_of_two() as usize;
         let mut buckets: Vec<Vec<u32>> = vec![Vec::new(); ring];
         let mut waiting = 0;
         for (place, link) in self.links.iter().enumerate() {
             let cost = link_cost(map, link);
-            if cost < self.costs[link.node] {
-                self.costs[link.node] = cost;
-                self.parents[link.node] = LINKS + place as u32;
-                buckets[(cost / BUCKET) as usize % ring].push(link.node as u32);
+            if cost < here[link.node].cost {
+                here[link.node].cost = cost;
+                parents[link.node] = LINKS + place as u32;
+                buckets[(cost / BUCKET) as usize & (ring - 1)].push(link.node as u32);
                 waiting += 1;
             }
         }
-        // No step costs less than a bucket is wide, so what is in one is final when its turn comes.
-        let mut done = vec![false; self.costs.len()];
         let mut level = 0;
         let mut now = Vec::new();
         while waiting > 0 {
-            std::mem::swap(&mut now, &mut buckets[level % ring]);
+            std::mem::swap(&mut now, &mut buckets[level & (ring - 1)]);
             waiting -= now.len();
             for node in now.drain(..) {
-                let node = node as usize;
-                let cost = self.costs[node];
-                // It has been here twice, as a cheaper step was found after the first.
-                if std::mem::replace(&mut done[node], true) {
+                let at = node as usize;
+                // No step costs less than a bucket is wide, so what is in one is final when its turn
+                // comes. What is there twice was found by a cheaper step after the first.
+                if std::mem::replace(&mut here[at].done, true) {
                     continue;
                 }
-                let cell = nodes.cell(node);
-                let arc = nodes.arcs[node];
-                let factor = u32::from(map.factors[cell]);
-                for step in 0..8 {
-                    let next_cell = (cell as isize + offsets[step]) as usize;
-                    let diagonal = step % 2 == 1;
-                    let length = if diagonal { DIAGONAL } else { STRAIGHT };
-                    let next_cost = cost + length * (factor + u32::from(map.factors[next_cell]));
-                    let has_others = nodes.has_others(next_cell);
-                    if next_cost >= self.costs[next_cell] && !has_others {
+                let cell = nodes.cell(at);
+                let Mark { cost, arc, .. } = here[at];
+                let factor = u32::from(here[cell].factor);
+                for step in &steps {
+                    let next_cell = cell.wrapping_add_signed(step.to);
+                    let there = here[next_cell];
+                    let next_cost = cost + step.length * (factor + u32::from(there.factor));
+                    let has_others = there.arc != there.free;
+                    if next_cost >= there.cost && !has_others {
                         continue;
                     }
-                    let mut headings = allowed[step] & arc & nodes.free[next_cell];
-                    if diagonal {
-                        let beside = |turn: usize| (cell as isize + offsets[(step + turn) % 8]) as usize;
-                        headings &= nodes.free[beside(1)] & nodes.free[beside(7)];
-                    }
-                    if headings == 0 {
-                        continue;
-                    }
+                    let [left, right] = step.beside.map(|beside| here[cell.wrapping_add_signed(beside)].free);
+                    let headings = arc & step.headings & left & right;
                     let mut arrive = |next: usize| {
-                        if next_cost < self.costs[next] && nodes.arcs[next] & headings != 0 {
-                            self.costs[next] = next_cost;
-                            self.parents[next] = node as u32;
-                            buckets[(next_cost / BUCKET) as usize % ring].push(next as u32);
+                        if next_cost < here[next].cost && here[next].arc & headings != 0 {
+                            here[next].cost = next_cost;
+                            parents[next] = node;
+                            buckets[(next_cost / BUCKET) as usize & (ring - 1)].push(next as u32);
                             waiting += 1;
                         }
                     };
                     arrive(next_cell);
-                    if has_others {
+                    if has_others && headings != 0 {
                         nodes.others(next_cell).for_each(arrive);
                     }
                 }
             }
             level += 1;
         }
+        self.costs = here.into_iter().map(|mark| mark.cost).collect();
     }
 
     /// What is in the way to a place that is free and not reached: a search from all reached cells
@@ -309,14 +302,57 @@ fn check_inside(map: &Map, at: Place) -> Result<(), NoWay> {
     if inside { Ok(()) } else { Err(NoWay::OutsideRoom { at }) }
 }
 
-/// Headings at which a base can take a step.
-fn allowed(drive: DriveKind, step: usize) -> u16 {
-    let ahead = 1_u16 << (2 * step);
-    match drive {
-        DriveKind::Fixed => 0,
-        DriveKind::Differential => ahead | ahead.rotate_left(HEADINGS as u32 / 2),
-        DriveKind::Omnidirectional => u16::MAX,
-    }
+/// What the search asks of a node, side by side in memory: most of its time goes into fetching it.
+#[derive(Clone, Copy)]
+struct Mark {
+    cost: u32,
+    arc: u16,
+    /// Of the cell; not used of nodes beyond the first ones.
+    free: u16,
+    factor: u8,
+    done: bool,
+}
+
+fn marks(map: &Map) -> Vec<Mark> {
+    let nodes = &map.nodes;
+    let mark = |arc: u16, free: u16, factor: u8| Mark { cost: UNREACHED, arc, free, factor, done: false };
+    let cells = nodes.arcs.iter().zip(&nodes.free).zip(&map.factors);
+    let mut marks: Vec<Mark> = Vec::with_capacity(nodes.arcs.len());
+    marks.extend(cells.map(|((arc, free), factor)| mark(*arc, *free, *factor)));
+    marks.extend(nodes.arcs[nodes.free.len()..].iter().map(|arc| mark(*arc, *arc, 0)));
+    marks
+}
+
+/// To a neighbour.
+struct Step {
+    /// From one cell to the next, by number.
+    to: isize,
+    /// Cells that have to be free, too: those beside a diagonal step; a straight one has the goal twice.
+    beside: [isize; 2],
+    length: u32,
+    /// Headings at which a base can take it.
+    headings: u16,
+}
+
+fn steps(drive: DriveKind, width: usize) -> [Step; 8] {
+    let offset = |step: usize| {
+        let (column, row) = STEPS[step % 8];
+        row * width as isize + column
+    };
+    std::array::from_fn(|step| {
+        let ahead = 1_u16 << (2 * step);
+        let diagonal = step % 2 == 1;
+        Step {
+            to: offset(step),
+            beside: if diagonal { [offset(step + 1), offset(step + 7)] } else { [offset(step); 2] },
+            length: if diagonal { DIAGONAL } else { STRAIGHT },
+            headings: match drive {
+                DriveKind::Fixed => 0,
+                DriveKind::Differential => ahead | ahead.rotate_left(HEADINGS as u32 / 2),
+                DriveKind::Omnidirectional => u16::MAX,
+            },
+        }
+    })
 }
 
 fn link_cost(map: &Map, link: &Link) -> u32 {

@@ -8,7 +8,7 @@ use nalgebra::Vector2;
 use super::convex::Polygon;
 
 /// Cells at most along one side: rooms larger than this get larger cells.
-const MAX_SIDE: f64 = 2000.0;
+const MAX_SIDE: f64 = 1000.0;
 
 /// Where the cells are.
 #[derive(Debug, Clone, Copy, PartialEq)]

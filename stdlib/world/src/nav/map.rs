@@ -140,12 +140,6 @@ impl Nodes {
         (cell..cell + first).chain(self.others(cell))
     }
 
-    /// True if a cell has several arcs.
-    #[inline]
-    pub fn has_others(&self, cell: usize) -> bool {
-        self.free[cell] != self.arcs[cell]
-    }
-
     /// The nodes of a cell without the first one.
     pub fn others(&self, cell: usize) -> impl Iterator<Item = usize> + use<'_> {
         let from = self.before[cell] as usize;
