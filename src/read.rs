@@ -127,6 +127,7 @@ impl Reader {
             return None;
         }
         let (mut draws, mut printed, mut fresh, mut host) = (Draws::default(), 0, 0, NoHost);
+        let mut no_world = None;
         let mut ctx = Ctx::new(CtxParts {
             program: &self.program,
             tree: &self.tree,
@@ -138,6 +139,7 @@ impl Reader {
             fresh: &mut fresh,
             output_limit: 0,
             host: &mut host,
+            world: &mut no_world,
         });
         match (maker.run)(&mut ctx, args) {
             Ok(Next::Return(value)) => Some(value),

@@ -215,6 +215,7 @@ impl Session {
         let mut machine = Machine::new(options.limits, options.grants, options.seed);
         machine.schedule = options.schedule;
         machine.program.natives = stdlib::natives();
+        machine.program.natives.extend(world::natives());
         let mut front = Front::default();
         front.keep_ast = options.keep_ast;
         let mut files = Files::default();

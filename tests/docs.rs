@@ -49,6 +49,7 @@ enum Wrong {
 #[test]
 fn examples_in_docstrings_give_what_they_say() {
     let mut session = Session::new(Options::default());
+    assert!(evaluate(&mut session, "(use world)").is_ok(), "it is a module of the library");
     let docs: Vec<(String, String)> = session
         .front
         .modules
@@ -124,7 +125,7 @@ fn examples_print_what_stands_beside_them() {
 #[test]
 fn examples_and_the_library_are_formatted() {
     let mut problems = Vec::new();
-    for folder in ["examples", "stdlib/plans"] {
+    for folder in ["examples", "stdlib/plans", "stdlib/world"] {
         for path in files_below(Path::new(folder), ".plan") {
             let text = std::fs::read_to_string(&path).expect("it was listed");
             if grammar::format(&text).is_ok_and(|formatted| formatted != text) {

@@ -80,6 +80,7 @@ areas! {
     limits "limits";
     replay "replay";
     rules "rules";
+    world "world";
 }
 
 #[test]

@@ -36,6 +36,7 @@ pub mod limits;
 pub mod log;
 pub mod machine;
 pub mod native;
+pub mod world;
 
 pub use code::{FnId, Place, Program};
 pub use failure::{Builtin, Failure};

@@ -71,7 +71,8 @@ impl Grants {
     #[must_use]
     pub fn allows(&self, effect: Effect) -> bool {
         match effect {
-            Effect::Pure => true,
+            // The only world and the only motions so far are those of the projection.
+            Effect::Pure | Effect::World | Effect::Motion => true,
             Effect::Read => !self.read.is_empty(),
             Effect::Write => !self.write.is_empty(),
             other => self.effects.contains(&other),

@@ -121,6 +121,33 @@ pub struct Native {
     pub run: NativeFn,
 }
 
+/// Makes `natives()` of a topic from its table.
+///
+/// A row is `"name" [arity] => function;`. The arity is `[2]`, `[1 3]` for one to three, or `[0 ..]`.
+/// Most natives need only their arguments and are `fn(&[Value]) -> Result<Value, Raise>`. Those that
+/// need more say `in ctx` and are [`NativeFn`]; an effect other than `Pure` follows it.
+#[macro_export]
+macro_rules! natives {
+    ($($name:literal [$($arity:tt)+] $(in $ctx:ident $($effect:ident)?)? => $run:expr;)+) => {
+        /// The natives of this topic.
+        pub(crate) fn natives() -> Vec<$crate::native::Native> {
+            vec![$($crate::native::Native {
+                name: $name,
+                arity: $crate::natives!(@arity $($arity)+),
+                effect: $crate::natives!(@effect $($($effect)?)?),
+                run: $crate::natives!(@run $run $(, $ctx)?),
+            }),+]
+        }
+    };
+    (@arity $n:literal) => { ($n, Some($n)) };
+    (@arity $least:literal ..) => { ($least, None) };
+    (@arity $least:literal $most:literal) => { ($least, Some($most)) };
+    (@effect) => { $crate::native::Effect::Pure };
+    (@effect $effect:ident) => { $crate::native::Effect::$effect };
+    (@run $run:expr) => { |_ctx, args| ($run)(args).map($crate::native::Next::Return) };
+    (@run $run:expr, $ctx:ident) => { $run };
+}
+
 // ---------------------------------------------------------------------------------------------
 // For those who write natives
 

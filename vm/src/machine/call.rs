@@ -421,6 +421,7 @@ impl Machine {
             fresh: &mut self.fresh,
             output_limit: self.limits.output,
             host,
+            world: &mut run.world,
         });
         let before = live::bytes();
         let next = (native.run)(&mut ctx, args)?;

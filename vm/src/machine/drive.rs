@@ -228,6 +228,7 @@ impl Machine {
         let mut run = Run::new(start, !self.breaks.is_empty());
         run.number = self.inner_runs;
         run.deliver = deliver;
+        run.world = self.top().world.as_ref().map(|world| world.fork());
         // The plan returns to a frame without instructions: its value ends the run.
         run.pc = RESUME;
         self.runs.push(Box::new(run));

@@ -255,6 +255,8 @@ impl Machine {
         run.number = u64::MAX;
         run.frames.clear();
         (run.pc, run.base, run.here) = (RESUME, 0, Here(1));
+        // What is computed may look at the world, and nobody else looks meanwhile.
+        run.world = self.top().world.take();
         let depth = self.runs.len();
         self.runs.push(run);
         let mut left = FUEL;
@@ -264,7 +266,8 @@ impl Machine {
             Err(raise) => Exit::Failed(Value::new(Obj::Failure(raise))),
         };
         self.runs.truncate(depth + 1);
-        let run = self.runs.pop();
+        let mut run = self.runs.pop();
+        self.top().world = run.as_mut().and_then(|run| run.world.take());
         self.beside += FUEL - left;
         let has_nodes = run.as_ref().is_some_and(|run| run.tree.len() > 1);
         self.scratch = run.filter(|_| !has_nodes && matches!(exit, Exit::Done(_)));

@@ -46,6 +46,7 @@ use crate::op::Op;
 use crate::path::PathEnd;
 use crate::tree::{RecId, Status, Tree};
 use crate::value::{Value, live};
+use crate::world::WorldSlot;
 
 pub use call::takes;
 use drive::Driver;
@@ -144,6 +145,8 @@ struct Run {
     deliver: usize,
     /// Tells it from other runs.
     number: u64,
+    /// What its natives keep of the world.
+    world: WorldSlot,
 }
 
 impl Run {
@@ -180,6 +183,7 @@ impl Run {
             view: None,
             deliver: 0,
             number: 0,
+            world: None,
         }
     }
 
@@ -629,6 +633,8 @@ pub struct CtxParts<'a> {
     pub output_limit: usize,
     /// Where what is printed goes.
     pub host: &'a mut dyn Host,
+    /// The world of the run.
+    pub world: &'a mut WorldSlot,
 }
 
 /// What natives may use.
@@ -692,6 +698,15 @@ impl<'a> Ctx<'a> {
     #[must_use]
     pub fn tree(&self) -> &Tree {
         self.parts.tree
+    }
+    /// The task clock, in nanoseconds.
+    #[must_use]
+    pub fn now_ns(&self) -> u64 {
+        self.parts.now
+    }
+    /// Where the run keeps its world.
+    pub fn world(&mut self) -> &mut WorldSlot {
+        self.parts.world
     }
 }
 

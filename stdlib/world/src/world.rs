@@ -1,0 +1,315 @@
+//! The world of a run: truth, belief, what is going on, and worlds to go back to.
+//!
+//! A motion takes time. [`World::begin`] computes its outcome from the state as it is then; the plan
+//! sleeps; [`World::end`] plays the track into the state as it has become meanwhile, up to the time that has
+//! passed. So motions of different parts of the robot go on side by side, and one that is stopped leaves
+//! what it had come to. Who looks at the world in between sees it as it was at the last end of a motion.
+//!
+//! Invariants
+//! 1. No two motions that go on have a part of the robot in common.
+//! 2. A version is given out once in the life of a world: a state that comes back keeps its number.
+
+use std::any::Any;
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use nalgebra::{Isometry3, Vector3};
+
+use crate::belief::{Belief, Sight};
+use crate::motions::base::Maps;
+use crate::motions::hand::Target;
+use crate::motions::tool::ToolWay;
+use crate::motions::{self, Costs, Draws, Event, Outcome, Part, Surroundings, Trouble};
+use crate::nav::Place;
+use crate::scene::{ContainerId, ObjectId, Scene};
+use crate::setting::{Machine, Setting};
+use crate::state::{Around, State, Support};
+
+/// Worlds in worlds that can be gone back to.
+pub const MOST_KEPT: usize = 64;
+
+/// A motion with its parameters.
+#[derive(Debug, Clone)]
+pub enum Motion {
+    /// The base to the first place that it reaches.
+    Going(Vec<Place>),
+    /// The torso to a position of its joint.
+    MovingTorso(f64),
+    /// The head to a point in the world.
+    Looking(Vector3<f64>),
+    /// Arms to configurations.
+    MovingArmJoints(Vec<(usize, Vec<f64>)>),
+    /// Tools through via poses.
+    MovingTcp(Vec<ToolWay>, Around),
+    /// Hands around something.
+    Gripping(Vec<usize>, Target),
+    /// Hands let go.
+    Releasing(Vec<usize>),
+    /// A container whose handle a hand holds to a position of its joint; none is wide open.
+    MovingContainer(usize, ContainerId, Option<f64>),
+    /// Looking for objects of a type, or with a name, or for any.
+    Detecting(Wanted),
+}
+
+/// What is looked for.
+#[derive(Debug, Clone)]
+pub enum Wanted {
+    /// Anything.
+    Any,
+    /// A type of objects.
+    Kind(String),
+    /// One object.
+    Object(ObjectId),
+}
+
+/// A motion that goes on.
+struct Running {
+    outcome: Outcome,
+    began_ns: u64,
+    version: u64,
+}
+
+/// How a motion has ended.
+#[derive(Debug, Clone)]
+pub enum Ended {
+    /// It was stopped on its way.
+    Stopped,
+    /// It succeeded; what was seen.
+    Done(Vec<(ObjectId, Sight)>),
+    /// It failed.
+    Failed(Trouble),
+}
+
+/// The world of a run.
+pub struct World {
+    /// The truth.
+    pub state: State,
+    /// What the robot knows.
+    pub belief: Belief,
+    /// What its motions have cost.
+    pub costs: Costs,
+    maps: Maps,
+    running: BTreeMap<u64, Running>,
+    ended: BTreeMap<u64, Ended>,
+    kept: Vec<(State, Belief, Costs)>,
+    last_version: u64,
+    last_motion: u64,
+}
+
+impl Default for World {
+    fn default() -> World {
+        World::new(State::new(Arc::new(Setting::new(Scene::default(), None)), Isometry3::identity()))
+    }
+}
+
+impl vm::world::World for World {
+    /// Motions of the run that forks belong to its tasks and do not go on in the fork.
+    fn fork(&self) -> Box<dyn vm::world::World> {
+        let mut fork = World::new(self.state.clone());
+        (fork.belief, fork.costs, fork.last_version) = (self.belief.clone(), self.costs, self.last_version);
+        fork.maps = self.maps.clone();
+        Box::new(fork)
+    }
+
+    fn as_any(&mut self) -> &mut dyn Any {
+        self
+    }
+}
+
+impl World {
+    /// A world that begins in a state.
+    #[must_use]
+    pub fn new(state: State) -> World {
+        World {
+            state,
+            belief: Belief::default(),
+            costs: Costs::default(),
+            maps: Maps::default(),
+            running: BTreeMap::new(),
+            ended: BTreeMap::new(),
+            kept: Vec::new(),
+            last_version: 0,
+            last_motion: 0,
+        }
+    }
+
+    /// Another scene, everything where it is at first; the robot stays, at its start.
+    pub fn use_scene(&mut self, scene: Scene) {
+        let machine = self.state.setting.machine.clone();
+        let base = self.state.base;
+        self.begin_anew(State::new(Arc::new(Setting::new(scene, machine)), base));
+    }
+
+    /// Another robot, at `base`; the scene begins anew.
+    pub fn use_robot(&mut self, machine: Arc<Machine>, base: Isometry3<f64>) {
+        let scene = self.state.setting.scene.clone();
+        self.begin_anew(State::new(Arc::new(Setting::new(scene, Some(machine))), base));
+    }
+
+    fn begin_anew(&mut self, state: State) {
+        self.state = state;
+        (self.belief, self.costs) = (Belief::default(), Costs::default());
+        self.running.clear();
+        self.changed();
+    }
+
+    /// Gives the state a number of its own.
+    pub fn changed(&mut self) {
+        self.last_version += 1;
+        self.state.version = self.last_version;
+    }
+
+    // ------------------------------------------------------------------ to try and go back
+
+    /// Keeps the world as it is; how many are kept then.
+    ///
+    /// # Errors
+    /// If too many are.
+    pub fn keep(&mut self) -> Result<usize, Trouble> {
+        if self.kept.len() >= MOST_KEPT {
+            let message = format!("worlds are nested deeper than {MOST_KEPT}");
+            return Err(Trouble::new("world-failure", message));
+        }
+        self.kept.push((self.state.clone(), self.belief.clone(), self.costs));
+        Ok(self.kept.len())
+    }
+
+    /// Goes back to the world that was kept as number `kept`. Motions of others that go on will be played into it.
+    pub fn go_back(&mut self, kept: usize) {
+        self.kept.truncate(kept);
+        if let Some((state, belief, costs)) = self.kept.pop() {
+            (self.state, self.belief, self.costs) = (state, belief, costs);
+        }
+    }
+
+    // ------------------------------------------------------------------ motions
+
+    /// Begins a motion: its number, and how long it takes, seconds.
+    ///
+    /// `now_ns`: the task clock. `seed`: of its random numbers.
+    pub fn begin(&mut self, motion: &Motion, now_ns: u64, seed: u64) -> (u64, f64) {
+        let mut outcome = self.outcome(motion, now_ns, seed);
+        if let Some(part) = self.busy(&outcome.parts) {
+            let message = format!("{part} is still in motion");
+            outcome = Outcome::refused(Trouble::new("robot-busy", message).name("part", part), Vec::new());
+        }
+        self.last_motion += 1;
+        let duration_s = outcome.duration_s;
+        self.running
+            .insert(self.last_motion, Running { outcome, began_ns: now_ns, version: self.state.version });
+        (self.last_motion, duration_s)
+    }
+
+    /// What a motion would come to.
+    #[must_use]
+    pub fn outcome(&self, motion: &Motion, now_ns: u64, seed: u64) -> Outcome {
+        let (state, mut draws) = (&self.state, Draws::new(seed));
+        match motion {
+            Motion::Going(goals) => motions::base::going(state, goals, &self.maps, &mut draws),
+            Motion::MovingTorso(position) => motions::joints::moving_torso(state, *position),
+            Motion::Looking(at) => motions::joints::looking(state, at),
+            Motion::MovingArmJoints(arms) => motions::joints::moving_arm_joints(state, arms),
+            Motion::MovingTcp(ways, around) => motions::tool::moving_tcp(state, ways, around, &mut draws),
+            Motion::Gripping(arms, target) => motions::hand::gripping(state, arms, *target, &mut draws),
+            Motion::Releasing(arms) => motions::hand::releasing(state, arms),
+            Motion::MovingContainer(arm, container, to) => {
+                let to = to.unwrap_or(state.setting.container(*container).open);
+                motions::container::moving_container(state, *arm, *container, to, &mut draws)
+            }
+            Motion::Detecting(wanted) => {
+                let scene = &state.setting.scene;
+                let what = match wanted {
+                    Wanted::Any => "object".to_string(),
+                    Wanted::Kind(kind) => kind.clone(),
+                    Wanted::Object(object) => scene.objects[object.0].name.clone(),
+                };
+                let is_wanted = |object: ObjectId| match wanted {
+                    Wanted::Any => true,
+                    Wanted::Kind(kind) => scene.kind_of(object).name == *kind,
+                    Wanted::Object(it) => object == *it,
+                };
+                motions::detect::detecting(state, &is_wanted, &what, now_ns as f64 / 1e9, &mut draws)
+            }
+        }
+    }
+
+    /// A part that another motion has.
+    fn busy(&self, parts: &[Part]) -> Option<String> {
+        let taken = self.running.values().flat_map(|running| &running.outcome.parts);
+        let part = taken.into_iter().find(|part| parts.contains(part))?;
+        Some(match part {
+            Part::Base => "the base".into(),
+            Part::Torso => "the torso".into(),
+            Part::Head => "the head".into(),
+            Part::Arm(arm) => format!("the arm {}", self.state.support_name(Support::Hand(*arm))),
+        })
+    }
+
+    /// Ends a motion at this time of the task clock: before its duration is over it was stopped.
+    pub fn end(&mut self, number: u64, now_ns: u64) {
+        let Some(Running { outcome, began_ns, version }) = self.running.remove(&number) else { return };
+        let passed_s = now_ns.saturating_sub(began_ns) as f64 / 1e9;
+        // The clock has nanoseconds.
+        let over = passed_s + 1e-9 >= outcome.duration_s;
+        let share = if over { 1.0 } else { passed_s / outcome.duration_s };
+        let before = self.state.clone();
+        outcome.track.play(&mut self.state, if over { f64::INFINITY } else { passed_s });
+        self.costs += Costs {
+            path_m: outcome.costs.path_m * share,
+            straight_m: outcome.costs.straight_m * share,
+            hand_m: outcome.costs.hand_m * share,
+            ..outcome.costs
+        };
+        self.changed();
+        if !over {
+            self.ended.insert(number, Ended::Stopped);
+            return;
+        }
+        self.learn(&outcome, &before, now_ns);
+        let met = if before.version == version { None } else { self.meets(&outcome) };
+        let ended = match outcome.trouble.or(met) {
+            Some(trouble) => Ended::Failed(trouble),
+            None => Ended::Done(outcome.seen),
+        };
+        self.ended.insert(number, ended);
+    }
+
+    /// How a motion has ended, once.
+    pub fn take_end(&mut self, number: u64) -> Option<Ended> {
+        self.ended.remove(&number)
+    }
+
+    fn learn(&mut self, outcome: &Outcome, before: &State, now_ns: u64) {
+        for (object, sight) in &outcome.seen {
+            self.belief.seen.insert(*object, *sight);
+        }
+        if let Some((container, position)) = outcome.opened {
+            match position > 0.0 {
+                true => self.belief.open.insert(container, position),
+                false => self.belief.open.remove(&container),
+            };
+        }
+        for (_, event) in &outcome.track.events {
+            if let Event::Put(object, ..) = event {
+                // It thinks that things are where it let them go.
+                let sight = Sight { pose: before.object_pose(*object), at_s: now_ns as f64 / 1e9 };
+                self.belief.seen.insert(*object, sight);
+            }
+        }
+    }
+
+    /// Something else has moved meanwhile: what touches now.
+    fn meets(&self, outcome: &Outcome) -> Option<Trouble> {
+        let machine = self.state.machine()?;
+        let moved = !outcome.track.keys.is_empty();
+        // What hands hold or have just let go is touched by fingers.
+        let near = Around {
+            touchable: self.state.objects.keys().copied().collect(),
+            handles: (0..self.state.setting.scene.containers.len()).map(ContainerId).collect(),
+            ..Around::default()
+        };
+        let mut around = Surroundings::new(machine, self.state.obstacles(&near), self.state.carried());
+        let touch = moved.then(|| around.touch(&self.state.base, &self.state.joints))??;
+        Some(around.collision(&touch, "two motions at once met:"))
+    }
+}
