@@ -36,7 +36,14 @@ pub fn run(it: &Doc) -> Answer {
         loaded.reports.iter().for_each(|report| term::complain(&session.report(report)));
     }
     match &it.name {
-        Some(name) => term::say(&page(&session, name)?),
+        Some(name) => {
+            // Words of the world are there for those who use it: looked at when nothing else has the name.
+            let said = page(&session, name).or_else(|unknown| {
+                session.extend("the library", "(use world)");
+                page(&session, name).map_err(|_| unknown)
+            });
+            term::say(&said?);
+        }
         None => term::say(&overview(&session)),
     }
     Ok(0)
@@ -207,6 +214,10 @@ fn overview(session: &Session) -> String {
     for id in &session.front.modules.prelude {
         let module = session.front.modules.get(*id);
         text += &format!("  {:12} {}\n", module.name, brief("", module.doc.as_deref()).trim());
+    }
+    text += "\nModules of the world, for files that say so with `(use world)`:\n";
+    for (name, _) in world::MODULES {
+        text += &format!("  {name}\n");
     }
     text += "\nSpecial forms:\n";
     for (_, shape) in compiler::special_forms() {

@@ -98,8 +98,20 @@ fn pose(value: &Value) -> Result<Isometry3<f64>, Raise> {
     }
 }
 
+/// A motion is computed between two instructions, so what it can be asked is bounded.
+const MOST_POSES: usize = 256;
+
+/// A pose, or a list of them.
 fn poses(value: &Value) -> Result<Vec<Isometry3<f64>>, Raise> {
-    if value.is_list() { list(value)?.iter().map(pose).collect() } else { Ok(vec![pose(value)?]) }
+    if !value.is_list() {
+        return Ok(vec![pose(value)?]);
+    }
+    let all = list(value)?;
+    if all.len() > MOST_POSES {
+        let message = format!("{} poses are more than one motion takes, which is {MOST_POSES}", all.len());
+        return Err(range_error(message, &Value::int(all.len() as i64)));
+    }
+    all.iter().map(pose).collect()
 }
 
 fn symbol(name: &str) -> Value {
