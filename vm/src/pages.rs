@@ -19,6 +19,8 @@ pub const PAGES: &[(&str, &str)] = &[
     ("failure::edit-refused", include_str!("../errors/failure-edit-refused.md")),
     ("failure::action-not-grounded", include_str!("../errors/failure-action-not-grounded.md")),
     ("failure::goal-not-reached", include_str!("../errors/failure-goal-not-reached.md")),
+    ("failure::unbound-variable", include_str!("../errors/failure-unbound-variable.md")),
+    ("failure::floundering", include_str!("../errors/failure-floundering.md")),
     ("failure::file-failure", include_str!("../errors/failure-file-failure.md")),
     ("failure::not-allowed", include_str!("../errors/failure-not-allowed.md")),
     ("failure::fuel-exhausted", include_str!("../errors/failure-fuel-exhausted.md")),
