@@ -25,6 +25,8 @@ pub struct Program {
     /// Run it on the oracle as well.
     pub compared: bool,
     options: Options,
+    /// Queries look for garbage all the time.
+    tidy: bool,
 }
 
 /// What a run came to, as text.
@@ -71,6 +73,7 @@ impl Program {
         let mut program = Program {
             path: path.into(),
             options: Options::default(),
+            tidy: false,
             treated: true,
             compared: !text.contains("(use ") && !text.contains("(use-rules ") && !text.contains(";! allow"),
             text: text.clone(),
@@ -107,6 +110,11 @@ impl Program {
         Program { path, text: self.text.clone(), options: self.options.clone(), ..*self }
     }
 
+    /// The same program with queries that look for garbage all the time.
+    pub fn tidy(&self) -> Program {
+        Program { tidy: true, ..self.moved_to(self.path.clone()) }
+    }
+
     /// The seed of its draws.
     pub fn seed(&self) -> u64 {
         self.options.seed
@@ -115,6 +123,9 @@ impl Program {
     /// Runs the program, stopping where it is told, with the answers of a log as far as it goes.
     pub fn run(&self, stops: &Stops, log: Option<Log>) -> Ran {
         let mut session = Session::new(self.options.clone());
+        if self.tidy {
+            session.machine.program.rules.collect_from = 1;
+        }
         if let Some(log) = log {
             session.replay(log);
         }

@@ -8,6 +8,7 @@ mod generate;
 mod naive;
 mod planned;
 mod swipl;
+mod unification;
 
 use pleach::{Options, Session};
 use vm::rules::View;
@@ -174,14 +175,25 @@ fn report(seed: u64, number: usize, theme: Theme) -> String {
     report
 }
 
+/// More seeds, if `RULES_ROUNDS` says so: `RULES_ROUNDS=10 cargo test --test language rules::`.
+fn more(seeds: std::ops::Range<u64>) -> std::ops::Range<u64> {
+    let rounds = std::env::var("RULES_ROUNDS").ok().and_then(|it| it.parse::<u64>().ok()).unwrap_or(1);
+    seeds.start * rounds..seeds.start * rounds + (seeds.end - seeds.start) * rounds
+}
+
 fn compare_with_naive(theme: Theme, seeds: std::ops::Range<u64>) {
+    let seeds = more(seeds);
     with_large_stack(|| {
         let mut tally = Tally::default();
         for seed in seeds.clone() {
             let batch = generate::batch(seed, BATCH, theme);
-            let session = load(&batch);
+            let mut session = load(&batch);
             for number in 0..batch.programs {
                 let ours = ask(&session, question(&session, number));
+                session.machine.program.rules.collect_from = 7;
+                let tidy = ask(&session, question(&session, number));
+                session.machine.program.rules.collect_from = usize::MAX;
+                assert_eq!(ours, tidy, "seed {seed}, program {number}, with garbage collected");
                 let theirs = ask_naive(&session, number, batch.tabled);
                 tally.add(seed, number, ours, theirs, batch.tabled);
             }
@@ -191,11 +203,12 @@ fn compare_with_naive(theme: Theme, seeds: std::ops::Range<u64>) {
 }
 
 fn compare_with_swipl(theme: Theme, seeds: std::ops::Range<u64>) {
+    let seeds = more(seeds);
     if !swipl::is_installed() {
         return println!("swipl is not installed: `.ci/install-swipl` does it");
     }
     with_large_stack(|| {
-        let mut tally = Tally::default();
+        let (mut tally, mut alone) = (Tally::default(), 0);
         for seed in seeds.clone() {
             let batch = generate::batch(seed, BATCH, theme);
             let session = load(&batch);
@@ -203,10 +216,21 @@ fn compare_with_swipl(theme: Theme, seeds: std::ops::Range<u64>) {
             assert_eq!(theirs.len(), batch.programs, "seed {seed}: swipl answers to all programs");
             for (number, theirs) in theirs.into_iter().enumerate() {
                 let ours = ask(&session, question(&session, number));
+                // Version 9.0.4 answers `w :- p(_,_,_). p(_,_,X) :- o(X,X,X). o(_,2,_). o(b,[],_).` twice.
+                // Where the oracle is with us, the other one stands alone.
+                if ours.compare(&theirs) == Verdict::Different
+                    && !batch.tabled
+                    && ours.compare(&ask_naive(&session, number, false)) == Verdict::Same
+                {
+                    alone += 1;
+                    continue;
+                }
                 tally.add(seed, number, ours, theirs, batch.tabled);
             }
         }
-        tally.check(theme, seeds.count() * BATCH, "SWI-Prolog");
+        let programs = seeds.count() * BATCH;
+        assert!(alone * 1000 <= programs, "SWI-Prolog stands alone with {alone} programs");
+        tally.check(theme, programs, "SWI-Prolog");
     });
 }
 
@@ -240,6 +264,31 @@ fn joins_as_in_prolog() {
     compare_with_swipl(Theme::Joins, 1200..1205);
 }
 
+/// A loop that makes terms and forgets them does not grow, also with a choice before it.
+#[test]
+fn a_loop_keeps_no_garbage() {
+    let text = "loop(0, _).\n\
+        loop(N, f(A, B, C)) :- N > 0, M is N - 1, X = g(N, A, B), X = g(_, D, _), loop(M, f(C, g(N), D)).\n\
+        t0w(done) :- loop(5000000, f(1, 2, 3)), !.\n\
+        t1w(done) :- (fail ; true ; true), loop(500000, f(1, 2, 3)), (true ; fail), !.\n\
+        t2w(N) :- between(0, 1000000, X), X >= 1000000, N = X.\n";
+    let session = load(&Batch { text: text.into(), programs: 3, tabled: false });
+    let program = &session.machine.program;
+    for number in 0..3 {
+        let mut engine = Engine::new(question(&session, number), &[], View::default(), false);
+        let mut most = 0;
+        loop {
+            let mut fuel = 10_000;
+            match engine.run(program, &mut fuel) {
+                Ok(Step::Fuel) => most = most.max(engine.bytes()),
+                Ok(Step::Answer) => break,
+                _ => panic!("program {number} has an answer"),
+            }
+        }
+        assert!(most < 10_000_000, "program {number} takes {most} bytes");
+    }
+}
+
 /// Prints what all say to some programs: `SEEDS="Control:8:44" cargo test --test language rules::report --
 /// --ignored --nocapture`.
 #[test]
@@ -258,4 +307,35 @@ fn reports() {
             println!("{}", report(number(), number() as usize, theme));
         }
     });
+}
+
+/// Terms that share their parts are small, and enormous when somebody goes through them: that is a failure.
+#[test]
+fn terms_that_are_enormous_are_failures() {
+    let text = "d(0, a).\n\
+        d(N, f(X, X)) :- N > 0, M is N - 1, d(M, X).\n\
+        n(0, a) :- !.\n\
+        n(N, f(X)) :- M is N - 1, n(M, X).\n\
+        t0w(X) :- d(60, X).\n\
+        t1w(a) :- d(60, X), d(60, Y), X = Y.\n\
+        t2w(L) :- findall(X, d(60, X), L).\n\
+        t3w(a) :- d(60, X), X = f(X, _).\n\
+        t4w(X) :- X = f(Y), Y = g(X).\n\
+        t5w(a) :- n(300000, X), n(300000, Y), X = Y, findall(X, X = Y, [Z]), Z == Y.\n";
+    let session = load(&Batch { text: text.into(), programs: 6, tabled: false });
+    let program = &session.machine.program;
+    let said: Vec<&str> = (0..6)
+        .map(|number| {
+            let mut engine = Engine::new(question(&session, number), &[], View::default(), false);
+            match engine.run(program, &mut 10_000_000) {
+                Ok(Step::Answer) if engine.answer().is_ok() => "an answer",
+                Ok(Step::Answer) => "too large to be shown",
+                Ok(Step::No) => "no",
+                Ok(_) => "not finished",
+                Err(_) => "too large",
+            }
+        })
+        .collect();
+    let wanted = ["too large to be shown", "too large", "too large", "no", "no", "an answer"];
+    assert_eq!(said, wanted);
 }

@@ -25,6 +25,9 @@ pub fn differences(program: &Program, plain: &Ran) -> Vec<String> {
     };
     let replayed = program.run(&Stops::Never, Some(plain.log.clone()));
     check("run again from its log", &replayed);
+    if program.text.contains("(def-rules") || program.text.contains("(use-rules") {
+        check("with garbage collected", &program.tidy().run(&Stops::Never, None));
+    }
     let stops = match plain.steps {
         0..FEW_STEPS => Stops::Always,
         steps => Stops::At((1..=STOPS).map(|n| draw(&program.path, n) % steps).collect()),

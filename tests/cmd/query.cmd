@@ -121,6 +121,7 @@ $ pleach query kitchen.plan '(endless 1)' --fuel 10_000
 loaded
   × fuel-exhausted: the query used up its fuel of 10000 inferences
   │ limit: 10000
+  │ goals: (endless)
 --- exit 1
 $ pleach query kitchen.plan '(onn ?x table)'
 --- stderr

@@ -439,6 +439,8 @@ impl Program {
         let args: Vec<String> = vars
             .iter()
             .map(|var| match self.dice.below(10) {
+                // The template must be part of the goal, or all instances are alike.
+                _ if *var == vars[0] => var.clone(),
                 0 => self.constant(),
                 1 => self.seen_or_constant(),
                 _ => var.clone(),
@@ -448,7 +450,9 @@ impl Program {
         let hidden: String =
             vars[1..].iter().filter(|_| self.dice.chance(40)).map(|var| format!("{var}^")).collect();
         let list = format!("V{}", self.new_number());
-        self.seen.extend(vars[1..].iter().filter(|var| !hidden.contains(&format!("{var}^"))).cloned());
+        let grouping =
+            vars[1..].iter().filter(|var| args.contains(var) && !hidden.contains(&format!("{var}^")));
+        self.seen.extend(grouping.cloned());
         let goal = format!("{which}({}, {hidden}{name}({}), {list})", vars[0], args.join(","));
         match self.lists {
             true => {

@@ -92,6 +92,11 @@ fn unify(a: &Tree, b: &Tree, known: &Known) -> Option<Known> {
     }
 }
 
+/// Whether two terms can be the same.
+pub fn can_be_same(a: &Tree, b: &Tree) -> bool {
+    unify(a, b, &Known::new()).is_some()
+}
+
 impl<'p> Naive<'p> {
     /// Answers of tabled predicates among `tabled` are computed first.
     pub fn new(program: &'p Program, tabled: &[PredId], fuel: usize) -> Naive<'p> {

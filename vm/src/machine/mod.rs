@@ -463,7 +463,12 @@ impl Machine {
         }
         self.last_fuel = true;
         let message = format!("the run used up its fuel of {} calls and backward jumps", self.limits.fuel);
-        let fields = vec![("message", Value::str(message)), ("limit", Value::int(self.limits.fuel as i64))];
+        let mut fields =
+            vec![("message", Value::str(message)), ("limit", Value::int(self.limits.fuel as i64))];
+        let run = self.runs.last().expect("a machine has a run");
+        if let Some(Driver::Solve(solve)) = run.drivers.last() {
+            fields.extend(self.goals_of(&solve.engine));
+        }
         self.inject(host, Box::new(Failure::with(Builtin::FuelExhausted, fields)))
     }
 

@@ -25,7 +25,7 @@ use super::{Exit, Machine, RESUME};
 
 /// A query that is being solved.
 pub(super) struct Solve {
-    engine: Box<Engine>,
+    pub(super) engine: Box<Engine>,
     want: Want,
     /// A function is running whose value the engine waits for.
     called: bool,
@@ -51,6 +51,9 @@ impl Query {
 
 /// Inferences between two looks at the limits.
 const SLICE: u64 = 20_000;
+
+/// How many open goals a failure names.
+const MOST_GOALS: usize = 8;
 
 /// What becomes of answers.
 enum Want {
@@ -186,16 +189,17 @@ impl Machine {
                 Step::Answer => return engine.answer().map(Some).map_err(raised),
                 Step::No => return Ok(None),
                 Step::Fuel if self.steps >= self.limits.fuel => {
-                    let failure = self.over(
+                    let mut failure = self.over(
                         crate::failure::Builtin::FuelExhausted,
                         "the query used up its fuel of",
                         self.limits.fuel as usize,
                         "inferences",
                     );
+                    failure.fields.extend(self.goals_of(engine).map(|(name, goals)| (name.into(), goals)));
                     return Err(raised(failure));
                 }
                 Step::Fuel if self.bytes() + engine.bytes() > self.limits.memory => {
-                    return Err(raised(self.rules_take_too_much()));
+                    return Err(raised(self.rules_take_too_much(engine)));
                 }
                 Step::Fuel => {}
                 Step::Call(function, args) => {
@@ -281,8 +285,9 @@ impl Machine {
             match step {
                 Step::Fuel => {
                     if self.bytes() + solve.engine.bytes() > self.limits.memory {
+                        let raise = self.rules_take_too_much(&solve.engine);
                         self.top().drivers.push(Driver::Solve(solve));
-                        return Err(self.rules_take_too_much());
+                        return Err(raise);
                     }
                     self.top().drivers.push(Driver::Solve(solve));
                     return Ok(Some(Exit::Fuel));
@@ -333,13 +338,19 @@ impl Machine {
         self.return_value(value)
     }
 
-    fn rules_take_too_much(&self) -> Raise {
-        self.over(
-            crate::failure::Builtin::MemoryExhausted,
-            "a query takes more than",
-            self.limits.memory,
-            "bytes",
-        )
+    fn rules_take_too_much(&self, engine: &Engine) -> Raise {
+        let message = format!("a query takes more than {} bytes", self.limits.memory);
+        let mut fields =
+            vec![("message", Value::str(message)), ("limit", Value::int(self.limits.memory as i64))];
+        fields.extend(self.goals_of(engine));
+        Box::new(Failure::with(crate::failure::Builtin::MemoryExhausted, fields))
+    }
+
+    /// The field of a failure that says which goals a query was at.
+    pub(super) fn goals_of(&self, engine: &Engine) -> Option<(&'static str, Value)> {
+        let goals = engine.open_goals(&self.program, MOST_GOALS);
+        let names = goals.into_iter().map(|name| Value::Imm(Imm::Symbol(name)));
+        (names.len() > 0).then(|| ("goals", Value::list(names.collect::<Vec<_>>())))
     }
 
     /// A failure has come to a query: it is what its stream has, too.

@@ -10,6 +10,8 @@
 
 use std::rc::Rc;
 
+use rustc_hash::FxHashMap;
+
 use crate::arith;
 use crate::code::{FnId, Pc, Program};
 use crate::failure::{Builtin, Failure};
@@ -19,6 +21,7 @@ use crate::value::{Imm, Symbol, Value};
 use super::clause::PredId;
 use super::collect::{Collecting, Groups};
 use super::index::{FactRows, Facts};
+use super::live::Live;
 use super::native::{Alternatives, Call, Found};
 use super::op::{Part, RuleOp};
 use super::store::{Cell, Mark, Store, TooLarge};
@@ -36,22 +39,22 @@ pub(super) struct Frame {
 
 /// What can be tried instead.
 pub(super) struct Choice {
-    mark: Mark,
+    pub(super) mark: Mark,
     /// The frame that goes on when the alternative holds.
-    frame: u32,
-    base: u32,
+    pub(super) frame: u32,
+    pub(super) base: u32,
     /// Registers below belong to something that may go on.
-    top: u32,
+    pub(super) top: u32,
     /// Frames below, too.
-    frames: u32,
+    pub(super) frames: u32,
     /// Where the arguments of the call are kept, and how many.
-    saved: u32,
-    args: u8,
-    collecting: u32,
-    alternative: Alternative,
+    pub(super) saved: u32,
+    pub(super) args: u8,
+    pub(super) collecting: u32,
+    pub(super) alternative: Alternative,
 }
 
-enum Alternative {
+pub(super) enum Alternative {
     /// Code of the clause.
     Code(Pc),
     /// More clauses of the predicate: positions in [`Rules::lists`].
@@ -89,6 +92,8 @@ enum Out {
     Step(Step),
     /// The registers are at their end.
     Grow,
+    /// There may be garbage.
+    Collect,
     /// The goal does not hold.
     Back,
 }
@@ -100,7 +105,7 @@ pub struct Engine {
     pub(super) frames: Vec<Frame>,
     pub(super) choices: Vec<Choice>,
     /// Arguments of calls that have choices.
-    saved: Vec<Cell>,
+    pub(super) saved: Vec<Cell>,
     pub(super) collecting: Vec<Collecting>,
     pub(super) pc: u32,
     pub(super) base: u32,
@@ -113,7 +118,11 @@ pub struct Engine {
     /// The register that takes the value of a function.
     result: u32,
     /// The variable that an answer is the value of.
-    template: Cell,
+    pub(super) template: Cell,
+    /// How many cells there may be before garbage is looked for.
+    pub(super) collect_at: usize,
+    /// Registers that clauses need, by where they go on.
+    pub(super) live: FxHashMap<u32, Rc<Live>>,
     /// What the query sees besides rules.
     pub view: View,
     pub(super) tables: Tables,
@@ -128,6 +137,9 @@ pub struct Engine {
 
 /// Registers that one clause can name.
 const WINDOW: usize = 256;
+
+/// Cells that are worth looking for garbage.
+const MUCH: usize = 1000;
 
 impl Engine {
     /// A query for `predicate`, whose last argument is what an answer is. With `open`, the names `?_0` … in
@@ -164,6 +176,8 @@ impl Engine {
             frames_top: 0,
             result: 0,
             template,
+            collect_at: 0,
+            live: FxHashMap::default(),
             view,
             tables: Tables::default(),
             ticks: Vec::new(),
@@ -202,6 +216,15 @@ impl Engine {
                         self.pc = GOES_BACK;
                     }
                     return Ok(step);
+                }
+                Out::Collect => {
+                    if self.collect_at > 0 {
+                        self.collect(&program.rules);
+                    }
+                    let (cells, from) = (self.store.heap.len(), program.rules.collect_from);
+                    // A small limit is a test that wants garbage to be looked for at nearly every call.
+                    let more = if from < MUCH { from.max(cells / 8) } else { from.max(cells) };
+                    self.collect_at = cells.saturating_add(more.max(1));
                 }
                 Out::Grow => self.stack.resize(self.stack.len() * 2, Cell::NIL),
                 Out::Back if *fuel == 0 => {
@@ -264,21 +287,26 @@ impl Engine {
             + self.tables.bytes()
     }
 
-    /// The predicates of the goals that are open, innermost first, at most `most`.
+    /// The predicates of the goals that are open while it has stopped between two goals, innermost first,
+    /// at most `most`. Those that queries are made of have no names.
     #[must_use]
     pub fn open_goals(&self, program: &Program, most: usize) -> Vec<Symbol> {
-        let mut pcs = vec![self.pc];
+        let mut pcs = Vec::new();
+        if self.pc != GOES_BACK {
+            pcs.push(self.pc);
+        }
         let mut frame = self.frame;
         while frame != 0 && pcs.len() < most {
             let it = self.frames[frame as usize];
-            pcs.push(it.pc);
+            // It goes on after the call.
+            pcs.push(it.pc.saturating_sub(1));
             frame = it.parent;
         }
         let name = |pc: u32| {
-            let predicate = program.rules.predicate_at(Pc(pc.saturating_sub(1)))?;
+            let predicate = program.rules.predicate_at(Pc(pc))?;
             Some(program.rules.predicates[predicate.at()].declared.name)
         };
-        pcs.into_iter().filter_map(name).collect()
+        pcs.into_iter().filter_map(name).filter(|name| !name.starts_with('%')).collect()
     }
 
     // ------------------------------------------------------------------ the loop
@@ -365,6 +393,15 @@ impl Engine {
                     if !holds {
                         fail!()
                     }
+                }};
+            }
+            macro_rules! before_call {
+                () => {{
+                    if *fuel == 0 || store.heap.len() >= self.collect_at {
+                        self.pc = pc as u32 - 1;
+                        return Ok(if *fuel == 0 { Out::Step(Step::Fuel) } else { Out::Collect });
+                    }
+                    *fuel -= 1;
                 }};
             }
             loop {
@@ -488,11 +525,7 @@ impl Engine {
                     }
 
                     RuleOp::Call(window, n, predicate) => {
-                        if *fuel == 0 {
-                            self.pc = pc as u32 - 1;
-                            return Ok(Out::Step(Step::Fuel));
-                        }
-                        *fuel -= 1;
+                        before_call!();
                         // The frame goes above all that a choice needs.
                         let at = (self.frame + 1).max(self.frames_top);
                         self.frames.truncate(at as usize);
@@ -519,11 +552,7 @@ impl Engine {
                         continue 'window;
                     }
                     RuleOp::CallNative(window, predicate) => {
-                        if *fuel == 0 {
-                            self.pc = pc as u32 - 1;
-                            return Ok(Out::Step(Step::Fuel));
-                        }
-                        *fuel -= 1;
+                        before_call!();
                         let it = &rules.predicates[predicate.at()];
                         let arity = it.declared.arity;
                         let args = &w[window as usize..][..usize::from(arity)];
@@ -551,11 +580,7 @@ impl Engine {
                         continue 'window;
                     }
                     RuleOp::Execute(window, predicate) => {
-                        if *fuel == 0 {
-                            self.pc = pc as u32 - 1;
-                            return Ok(Out::Step(Step::Fuel));
-                        }
-                        *fuel -= 1;
+                        before_call!();
                         let n = usize::from(rules.predicates[predicate.at()].declared.arity);
                         if self.top <= base as u32 {
                             for i in 0..n {
@@ -573,11 +598,7 @@ impl Engine {
                         continue 'window;
                     }
                     RuleOp::ExecuteHere(predicate) => {
-                        if *fuel == 0 {
-                            self.pc = pc as u32 - 1;
-                            return Ok(Out::Step(Step::Fuel));
-                        }
-                        *fuel -= 1;
+                        before_call!();
                         self.pc = pc as u32;
                         if !self.enter(program, predicate)? {
                             return Ok(Out::Back);
@@ -585,11 +606,7 @@ impl Engine {
                         continue 'window;
                     }
                     RuleOp::CallValue(window, n, most) => {
-                        if *fuel == 0 {
-                            self.pc = pc as u32 - 1;
-                            return Ok(Out::Step(Step::Fuel));
-                        }
-                        *fuel -= 1;
+                        before_call!();
                         self.pc = pc as u32;
                         if !self.call_value(program, window, n, most)? {
                             return Ok(Out::Back);
@@ -829,6 +846,11 @@ impl Engine {
         self.proceed()
     }
 
+    /// The registers that a clause needs from an instruction on.
+    pub(super) fn live(&mut self, rules: &Rules, pc: u32) -> Rc<Live> {
+        self.live.entry(pc).or_insert_with(|| Rc::new(super::live::live(rules, Pc(pc)))).clone()
+    }
+
     /// The goal of the frame holds.
     pub(super) fn proceed(&mut self) -> bool {
         let frame = self.frames[self.frame as usize];
@@ -926,7 +948,7 @@ impl Engine {
     }
 
     /// What the newest choice protects.
-    fn look_at_newest(&mut self) {
+    pub(super) fn look_at_newest(&mut self) {
         match self.choices.last() {
             Some(choice) => {
                 (self.top, self.frames_top) = (choice.top, choice.frames);

@@ -177,34 +177,40 @@ const MOST_ARGS: usize = 8;
 impl ClauseIndex {
     /// Builds the index; the lists of clauses go to `lists`.
     pub fn new(clauses: &[(Pc, Vec<Option<Key>>)], lists: &mut Vec<Pc>) -> ClauseIndex {
-        let mut list = |wanted: &dyn Fn(&Vec<Option<Key>>) -> bool| {
-            let start = lists.len() as u32;
-            lists.extend(clauses.iter().filter(|clause| wanted(&clause.1)).map(|clause| clause.0));
-            start..lists.len() as u32
-        };
-        let all = list(&|_| true);
+        let start = lists.len() as u32;
+        lists.extend(clauses.iter().map(|clause| clause.0));
+        let all = start..lists.len() as u32;
         let arity = clauses.first().map_or(0, |clause| clause.1.len());
         let mut tables = Vec::new();
         for arg in 0..arity.min(MOST_ARGS) {
-            let mut keys: Vec<Key> = Vec::new();
-            for key in clauses.iter().filter_map(|clause| clause.1[arg]) {
-                if !keys.contains(&key) {
-                    keys.push(key);
+            if clauses.len() < 2 {
+                break;
+            }
+            // The clauses of each key, and those that take anything, by their positions.
+            let mut groups: FxHashMap<Key, Vec<u32>> = FxHashMap::default();
+            let mut anything: Vec<u32> = Vec::new();
+            for (at, clause) in (0..).zip(clauses) {
+                match clause.1[arg] {
+                    Some(key) => groups.entry(key).or_default().push(at),
+                    None => anything.push(at),
                 }
             }
-            let anything = clauses.iter().filter(|clause| clause.1[arg].is_none()).count();
-            if clauses.len() < 2 || keys.is_empty() || keys.len() + anything < 2 {
+            if groups.is_empty() || groups.len() + anything.len() < 2 {
                 continue;
             }
-            let mut of = |key: Key| list(&|keys| keys[arg].is_none_or(|it| it == key));
-            let (nil, pair) = (of(Key::Nil), of(Key::Pair));
-            let others = keys
-                .iter()
-                .filter(|key| !matches!(key, Key::Nil | Key::Pair))
-                .map(|key| (*key, of(*key)))
-                .collect();
-            let any = list(&|keys| keys[arg].is_none());
-            tables.push((keys.len(), anything, (arg as u8, Table { nil, pair, others, any })));
+            let mut list = |key: Option<Key>| {
+                let start = lists.len() as u32;
+                let own = key.and_then(|key| groups.get(&key)).map_or(&[][..], Vec::as_slice);
+                lists.extend(merged(own, &anything).map(|at| clauses[at as usize].0));
+                start..lists.len() as u32
+            };
+            let (nil, pair, any) = (list(Some(Key::Nil)), list(Some(Key::Pair)), list(None));
+            let keys = clauses.iter().filter_map(|clause| clause.1[arg]);
+            let mut others: FxHashMap<Key, Range<u32>> = FxHashMap::default();
+            for key in keys.filter(|key| !matches!(key, Key::Nil | Key::Pair)) {
+                others.entry(key).or_insert_with(|| list(Some(key)));
+            }
+            tables.push((groups.len(), anything.len(), (arg as u8, Table { nil, pair, others, any })));
         }
         // Where few clauses take anything, a look tells most.
         tables.sort_by_key(|(keys, anything, _)| (*anything, std::cmp::Reverse(*keys)));
@@ -237,6 +243,20 @@ impl ClauseIndex {
         }
         best
     }
+}
+
+/// Two sorted lists as one.
+fn merged<'l>(mut a: &'l [u32], mut b: &'l [u32]) -> impl Iterator<Item = u32> + 'l {
+    std::iter::from_fn(move || {
+        let from = match (a.first(), b.first()) {
+            (Some(x), Some(y)) if x > y => &mut b,
+            (Some(_), _) => &mut a,
+            (None, _) => &mut b,
+        };
+        let (first, rest) = from.split_first()?;
+        *from = rest;
+        Some(*first)
+    })
 }
 
 /// Facts: rows of constants, with an index for each argument that a call has asked for.

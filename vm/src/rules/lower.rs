@@ -432,6 +432,13 @@ impl Lowering<'_> {
         }
     }
 
+    /// The same for a term that is built on one way through the clause only.
+    fn all_of(&mut self, term: &Term) {
+        term.each_var(&mut |var| {
+            self.var(var);
+        });
+    }
+
     fn alternatives(&mut self, goals: &[Goal], each: &mut dyn FnMut(&mut Self, &Goal) -> Lower) -> Lower {
         let Some((last, goals)) = goals.split_last() else { return Ok(()) };
         for goal in goals {
@@ -630,6 +637,7 @@ impl Lowering<'_> {
             }
             GoalKind::Collect(kind, template, inner, result) => {
                 self.all_known(inner);
+                self.all_of(template);
                 let d = self.temp()?;
                 self.emit(RuleOp::Collect(d, *kind));
                 let attempt = self.try_else();
@@ -646,6 +654,7 @@ impl Lowering<'_> {
             }
             GoalKind::Bag { template, by, goal: inner, list, set } => {
                 self.all_known(inner);
+                self.all_of(template);
                 let window = self.temps(3)?;
                 let witness = Term::Vector(by.iter().map(|var| Term::Var(*var)).collect());
                 let pair = Term::Pair(Box::new(witness.clone()), Box::new(template.clone()));

@@ -2,13 +2,15 @@
 //!
 //! [`clause`] is what the compiler makes of the text, [`lower`] makes instructions of it ([`op`]),
 //! [`engine`] runs them on the terms of a [`store`]. [`index`] finds the clauses and facts that can
-//! answer a call; [`tabling`] keeps what has been answered; [`native`] and [`tree`] are predicates that
+//! answer a call; [`gc`] takes away terms that nothing needs; [`tabling`] keeps what has been answered; [`native`] and [`tree`] are predicates that
 //! are written in Rust; [`why`] explains, with the clauses as text ([`show`]).
 
 pub mod clause;
 mod collect;
 pub mod engine;
+mod gc;
 pub mod index;
+mod live;
 pub mod lower;
 pub mod native;
 pub mod nearest;
@@ -39,6 +41,9 @@ use view::TreeView;
 /// The name of the predicate that says which plan performs an action.
 pub const GROUNDING: &str = "action-grounding";
 
+/// Four megabytes: most queries end before.
+const COLLECT_FROM: usize = (4 << 20) / size_of::<Cell>();
+
 /// All rules of a program. Like its code it only grows, but clauses may be taken away.
 pub struct Rules {
     /// The predicates.
@@ -59,6 +64,8 @@ pub struct Rules {
     pub templates: Vec<Keys>,
     /// The predicate that says which plan performs an action, if a module declares it.
     pub grounding: Option<PredId>,
+    /// Cells that a query may have before it looks for garbage. Tests make it small.
+    pub collect_from: usize,
     /// The predicates that look tasks up below another one: directly, and anywhere.
     pub(crate) look_ups: [Option<PredId>; 2],
     constant_index: rustc_hash::FxHashMap<u64, Vec<u32>>,
@@ -79,6 +86,7 @@ impl Default for Rules {
             cells: Vec::new(),
             templates: Vec::new(),
             grounding: None,
+            collect_from: COLLECT_FROM,
             look_ups: [None; 2],
             constant_index: rustc_hash::FxHashMap::default(),
             changed: Vec::new(),

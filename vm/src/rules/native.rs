@@ -38,6 +38,11 @@ pub trait Alternatives {
     /// # Errors
     /// What went wrong.
     fn next(&mut self, call: &mut Call<'_>) -> Result<Option<bool>, Raise>;
+
+    /// The terms that it needs for the answers to come, besides the arguments of the call.
+    fn terms(&mut self) -> &mut [Cell] {
+        &mut []
+    }
 }
 
 /// A predicate that is written in Rust.
@@ -161,5 +166,9 @@ impl Alternatives for Properties {
             call.store.back_to(mark);
         }
         Ok(None)
+    }
+
+    fn terms(&mut self) -> &mut [Cell] {
+        &mut self.pairs
     }
 }

@@ -14,7 +14,7 @@ use std::rc::Rc;
 use rustc_hash::{FxHashMap, FxHasher};
 use std::hash::Hasher;
 
-use crate::code::{Pc, Program};
+use crate::code::Program;
 use crate::failure::{Builtin, Failure};
 use crate::native::Raise;
 use crate::value::{Imm, Value};
@@ -23,7 +23,7 @@ use super::Rules;
 use super::clause::PredId;
 use super::engine::{Engine, Frame, too_large};
 use super::index::hash_value;
-use super::op::RuleOp;
+use super::live::Live;
 use super::store::{Cell, Outside, Shape, Store, TooLarge};
 
 /// A term that outlives what it was made for.
@@ -112,13 +112,6 @@ struct Rest {
     queued: bool,
 }
 
-/// The registers that a clause needs from an instruction on.
-struct Live {
-    registers: Vec<u8>,
-    /// It ends a negation, collection or test that began before.
-    encloses: bool,
-}
-
 /// The answers of one call.
 struct Table {
     predicate: PredId,
@@ -136,7 +129,6 @@ pub struct Tables {
     index: FxHashMap<(PredId, u64), Vec<u32>>,
     /// Leaders that are open, the newest last.
     leaders: Vec<Leader>,
-    live: FxHashMap<u32, Rc<Live>>,
     answers: usize,
 }
 
@@ -267,7 +259,7 @@ impl Engine {
         cells.extend_from_slice(&self.stack[self.base as usize..][..usize::from(arity)]);
         let mut lives = Vec::new();
         for frame in inner.iter().rev() {
-            let Some(live) = self.tables.live.get(&frame.pc).cloned() else { continue };
+            let Some(live) = self.live.get(&frame.pc).cloned() else { continue };
             cells.extend(live.registers.iter().map(|r| self.stack[frame.base as usize + usize::from(*r)]));
             lives.push((frame.pc, live));
         }
@@ -398,10 +390,6 @@ impl Engine {
         }
         Ok(self.proceed())
     }
-
-    fn live(&mut self, rules: &Rules, pc: u32) -> Rc<Live> {
-        self.tables.live.entry(pc).or_insert_with(|| Rc::new(live(rules, Pc(pc)))).clone()
-    }
 }
 
 /// Where an answer of a table is taken: the second instruction of the code.
@@ -409,31 +397,6 @@ pub(super) const TABLED: u32 = 1;
 
 /// How many goals may be open between a tabled goal and the one that needs it.
 const MOST_FRAMES: usize = 10_000;
-
-/// What a clause needs from an instruction on. Its code runs forward only, so a register that is read
-/// before it is written, in the order of the code, is needed.
-fn live(rules: &Rules, pc: Pc) -> Live {
-    let end = rules.clause_end(pc);
-    let mut registers = Vec::new();
-    let mut written = [false; 256];
-    let mut encloses = false;
-    for op in &rules.code[pc.at()..end.at()] {
-        let mut reads = |register: u8| {
-            if !written[register as usize] && !registers.contains(&register) {
-                registers.push(register);
-            }
-        };
-        let arity = |predicate: PredId| rules.predicates[predicate.at()].declared.arity;
-        op.reads(&arity, &|template| rules.templates[template.0 as usize].values as u8, &mut reads);
-        if let RuleOp::Cut(a) | RuleOp::Close(a) | RuleOp::Add1(a, _) | RuleOp::Collected(a) = op {
-            encloses |= !written[*a as usize];
-        }
-        op.writes(&|template| rules.templates[template.0 as usize].values as u8, &mut |register| {
-            written[register as usize] = true;
-        });
-    }
-    Live { registers, encloses }
-}
 
 fn unstratified(program: &Program, predicate: PredId) -> Raise {
     let name = program.rules.predicates[predicate.at()].declared.name;

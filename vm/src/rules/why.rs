@@ -63,6 +63,11 @@ pub(super) struct Trace {
 }
 
 impl Trace {
+    /// The arguments of the goals.
+    pub fn terms(&mut self) -> impl Iterator<Item = &mut Cell> {
+        self.nodes.iter_mut().flat_map(|node| &mut node.args)
+    }
+
     /// A frame for the rest of the current goal's clause.
     pub fn begin(&mut self, frame: u32) {
         self.frames.resize(self.frames.len().max(frame as usize + 1), 0);
