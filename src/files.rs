@@ -155,7 +155,7 @@ pub fn why(error: &std::io::Error) -> String {
 
 impl Loader for Files {
     fn load(&mut self, name: &str, from: FileId) -> Result<Source, String> {
-        let mut library = stdlib::MODULES.iter().chain(world::MODULES);
+        let mut library = stdlib::MODULES.iter().chain(stdlib::PLANS).chain(world::MODULES);
         if let Some((_, text)) = library.find(|(module, _)| *module == name) {
             let file = self.push(&format!("library/{name}.plan"), (*text).to_string(), None);
             return Ok(Source { file, text: (*text).to_string(), key: name.into() });

@@ -220,7 +220,7 @@ impl Session {
         front.keep_ast = options.keep_ast;
         let mut files = Files::default();
         let mut library = Vec::new();
-        for name in stdlib::PRELUDE {
+        for (name, _) in stdlib::MODULES {
             let module = front.new_prelude(&mut machine.program, &mut files, name);
             library.push(module);
         }

@@ -64,17 +64,25 @@ pub fn natives() -> Vec<Native> {
 }
 
 macro_rules! modules {
-    ($($name:literal)+) => {
-        /// Name and text of each module, in an order in which each uses only earlier ones.
-        pub const MODULES: &[(&str, &str)] = &[$(($name, include_str!(concat!("../plans/", $name, ".plan")))),+];
-        /// The modules that every file uses without saying so.
-        pub const PRELUDE: &[&str] = &[$($name),+];
+    ($(#[$doc:meta])* $name:ident: $($module:literal)+) => {
+        $(#[$doc])*
+        pub const $name: &[(&str, &str)] =
+            &[$(($module, include_str!(concat!("../plans/", $module, ".plan")))),+];
     };
 }
 
 modules! {
+    /// Name and text of each module that every file uses without saying so, in an order in which each uses
+    /// only earlier ones.
+    MODULES:
     "language" "value" "number" "list" "vector" "map" "function" "sequence"
     "symbol" "string" "format" "description" "geometry" "failure" "io" "random" "control" "task" "tree" "rule" "task-rule"
+}
+
+modules! {
+    /// Name and text of each module of plans for robots in a world: `(use pick-place)`.
+    PLANS:
+    "location" "action" "pick-place"
 }
 
 #[cfg(test)]

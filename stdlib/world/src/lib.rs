@@ -16,11 +16,14 @@
 
 pub mod belief;
 pub mod motions;
+mod chances;
 mod natives;
 pub mod nav;
 pub mod parry;
+pub mod places;
 pub mod read;
 pub mod read_robot;
+pub mod rehearse;
 pub mod robot;
 pub mod scene;
 pub mod setting;
@@ -35,7 +38,9 @@ mod random;
 /// What `plans/world.plan` declares.
 #[must_use]
 pub fn natives() -> Vec<vm::native::Native> {
-    natives::natives()
+    let mut all = natives::natives();
+    all.extend(chances::natives());
+    all
 }
 
 /// Name and text of each module: plans see them by `(use world)`.

@@ -66,7 +66,7 @@ natives! {
 }
 
 /// The world of the run.
-fn world<'a>(ctx: &'a mut Ctx<'_>) -> Result<&'a mut World, Raise> {
+pub(crate) fn world<'a>(ctx: &'a mut Ctx<'_>) -> Result<&'a mut World, Raise> {
     let slot = ctx.world().get_or_insert_with(|| Box::new(World::default()));
     let other = || Box::new(Failure::new(Builtin::ProgramError, "this run has a world of another kind"));
     slot.as_any().downcast_mut::<World>().ok_or_else(other)
@@ -75,16 +75,16 @@ fn world<'a>(ctx: &'a mut Ctx<'_>) -> Result<&'a mut World, Raise> {
 // ---------------------------------------------------------------------------------------------
 // Values
 
-fn pose_value(isometry: Isometry3<f64>) -> Value {
+pub(crate) fn pose_value(isometry: Isometry3<f64>) -> Value {
     Value::new(Obj::Pose(Box::new(Pose { frame: Symbol::from("map"), isometry })))
 }
 
-fn pose_next(isometry: Isometry3<f64>) -> Result<Next, Raise> {
+pub(crate) fn pose_next(isometry: Isometry3<f64>) -> Result<Next, Raise> {
     Ok(pose_value(isometry).into())
 }
 
 /// A pose in the world.
-fn pose(value: &Value) -> Result<Isometry3<f64>, Raise> {
+pub(crate) fn pose(value: &Value) -> Result<Isometry3<f64>, Raise> {
     match value.obj() {
         Some(Obj::Pose(pose)) if pose.frame == "map" => Ok(pose.isometry),
         Some(Obj::Pose(pose)) => {
@@ -102,7 +102,7 @@ fn pose(value: &Value) -> Result<Isometry3<f64>, Raise> {
 const MOST_POSES: usize = 256;
 
 /// A pose, or a list of them.
-fn poses(value: &Value) -> Result<Vec<Isometry3<f64>>, Raise> {
+pub(crate) fn poses(value: &Value) -> Result<Vec<Isometry3<f64>>, Raise> {
     if !value.is_list() {
         return Ok(vec![pose(value)?]);
     }
@@ -114,7 +114,7 @@ fn poses(value: &Value) -> Result<Vec<Isometry3<f64>>, Raise> {
     all.iter().map(pose).collect()
 }
 
-fn symbol(name: &str) -> Value {
+pub(crate) fn symbol(name: &str) -> Value {
     Value::symbol(name)
 }
 
@@ -141,17 +141,17 @@ fn find<'a>(what: &str, value: &Value, known: impl Iterator<Item = &'a str> + Cl
     })
 }
 
-fn object(state: &State, value: &Value) -> Result<ObjectId, Raise> {
+pub(crate) fn object(state: &State, value: &Value) -> Result<ObjectId, Raise> {
     // What was seen is a description with a name in it.
     let named = value.as_desc().and_then(|it| it.get(Symbol::from("name"))).unwrap_or(value);
     find("an object", named, state.setting.scene.objects.iter().map(|it| it.name.as_str())).map(ObjectId)
 }
 
-fn surface(state: &State, value: &Value) -> Result<SurfaceId, Raise> {
+pub(crate) fn surface(state: &State, value: &Value) -> Result<SurfaceId, Raise> {
     find("a surface", value, state.setting.scene.surfaces.iter().map(|it| it.name.as_str())).map(SurfaceId)
 }
 
-fn container(state: &State, value: &Value) -> Result<ContainerId, Raise> {
+pub(crate) fn container(state: &State, value: &Value) -> Result<ContainerId, Raise> {
     find("a container", value, state.setting.scene.containers.iter().map(|it| it.name.as_str()))
         .map(ContainerId)
 }
@@ -237,7 +237,7 @@ fn put_object(ctx: &mut Ctx<'_>, args: &[Value]) -> Result<Next, Raise> {
     Ok(Value::NIL.into())
 }
 
-fn finite(value: &Value) -> Result<f64, Raise> {
+pub(crate) fn finite(value: &Value) -> Result<f64, Raise> {
     let number = number(value)?;
     if number.is_finite() { Ok(number) } else { Err(range_error("expected a finite number", value)) }
 }
@@ -256,7 +256,7 @@ fn begin(ctx: &mut Ctx<'_>, args: &[Value]) -> Result<Next, Raise> {
     Ok(Value::list([Value::int(number as i64), Value::float(duration_s)]).into())
 }
 
-fn motion(state: &State, kind: &str, args: &[Value]) -> Result<Motion, Raise> {
+pub(crate) fn motion(state: &State, kind: &str, args: &[Value]) -> Result<Motion, Raise> {
     let given = |at: usize| args.get(at).cloned().unwrap_or_default();
     Ok(match kind {
         "going" => Motion::Going(poses(&given(0))?.iter().map(Place::of_pose).collect()),
@@ -291,7 +291,7 @@ fn motion(state: &State, kind: &str, args: &[Value]) -> Result<Motion, Raise> {
     })
 }
 
-fn point(value: &Value) -> Result<Vector3<f64>, Raise> {
+pub(crate) fn point(value: &Value) -> Result<Vector3<f64>, Raise> {
     match value.obj() {
         Some(Obj::Vec3(vec)) => Ok(vec.0),
         _ => pose(value).map(|pose| pose.translation.vector),
@@ -373,7 +373,7 @@ fn described(it: &World, object: ObjectId, sight: &Sight) -> Value {
 }
 
 /// A failure of the type of this name below `world-failure`.
-fn raise(ctx: &Ctx<'_>, trouble: &Trouble) -> Raise {
+pub(crate) fn raise(ctx: &Ctx<'_>, trouble: &Trouble) -> Raise {
     let types = &ctx.program.failures;
     let root = Symbol::from("world-failure");
     let of = |name: &str| {
@@ -457,7 +457,7 @@ fn seen_at(ctx: &mut Ctx<'_>, args: &[Value]) -> Result<Next, Raise> {
     Ok(it.belief.seen.get(&object).map_or(Value::NIL, |sight| Value::float(sight.at_s)).into())
 }
 
-fn object_type(ctx: &mut Ctx<'_>, args: &[Value]) -> Result<Next, Raise> {
+pub(crate) fn object_type(ctx: &mut Ctx<'_>, args: &[Value]) -> Result<Next, Raise> {
     let it = world(ctx)?;
     let object = object(&it.state, &args[0])?;
     Ok(symbol(&it.state.setting.scene.kind_of(object).name).into())
@@ -471,7 +471,7 @@ fn where_is(ctx: &mut Ctx<'_>, args: &[Value]) -> Result<Next, Raise> {
 }
 
 /// The objects right on a surface or on another object.
-fn objects_on(ctx: &mut Ctx<'_>, args: &[Value]) -> Result<Next, Raise> {
+pub(crate) fn objects_on(ctx: &mut Ctx<'_>, args: &[Value]) -> Result<Next, Raise> {
     let it = world(ctx)?;
     let support = match surface(&it.state, &args[0]) {
         Ok(surface) => Support::Surface(surface),
@@ -522,7 +522,7 @@ fn grasps(ctx: &mut Ctx<'_>, args: &[Value]) -> Result<Next, Raise> {
     Ok(Value::list(all.collect::<Vec<_>>()).into())
 }
 
-fn map<const N: usize>(entries: [(&str, Value); N]) -> Value {
+pub(crate) fn map<const N: usize>(entries: [(&str, Value); N]) -> Value {
     Value::map(entries.into_iter().map(|(key, value)| (Value::keyword(key), value)).collect::<Map>())
 }
 

@@ -133,6 +133,32 @@ impl World {
         }
     }
 
+    /// The world as the robot believes it to be: objects that it has not seen are not there, the others where
+    /// it saw them last. What is in its hands it feels; doors and drawers it sees.
+    #[must_use]
+    pub fn believed(&self) -> State {
+        let mut state = self.state.clone();
+        for (object, place) in &self.state.objects {
+            if matches!(self.state.ground_of(*object), Support::Hand(_)) {
+                continue;
+            }
+            match self.belief.seen.get(object) {
+                Some(sight) => {
+                    let pose = self.state.support_pose(place.on).inverse() * sight.pose;
+                    state.objects.insert(*object, crate::state::Place { on: place.on, pose });
+                }
+                None => drop(state.objects.remove(object)),
+            }
+        }
+        state
+    }
+
+    /// Maps of the floor that were asked for.
+    #[must_use]
+    pub fn maps(&self) -> &Maps {
+        &self.maps
+    }
+
     /// Another scene, everything where it is at first; the robot stays, at its start.
     pub fn use_scene(&mut self, scene: Scene) {
         let machine = self.state.setting.machine.clone();

@@ -679,6 +679,11 @@ impl<'a> Ctx<'a> {
         *n += 1;
         number
     }
+    /// The seed of the run: for what shall be the same at each call.
+    #[must_use]
+    pub fn seed(&self) -> u64 {
+        self.parts.seed
+    }
     /// A number that no other call gets.
     pub fn number(&mut self) -> u64 {
         *self.parts.fresh += 1;

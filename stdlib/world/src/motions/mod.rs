@@ -20,7 +20,7 @@ pub mod model;
 pub mod settle;
 pub mod tool;
 pub mod track;
-mod view;
+pub(crate) mod view;
 
 use nalgebra::Isometry3;
 

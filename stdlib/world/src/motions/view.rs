@@ -5,13 +5,14 @@ use nalgebra::Isometry3;
 use crate::robot::model::{Joint, LinkId};
 use crate::scene::{ContainerId, ObjectId};
 use crate::setting::Machine;
+use crate::shape::PosedShape;
 use crate::sight::{Sight, Things};
 use crate::state::State;
 
 use super::MODEL;
 
 /// All that could hide something, made once for a look around.
-pub(super) struct View<'s> {
+pub(crate) struct View<'s> {
     state: &'s State,
     things: Things,
     names: Vec<String>,
@@ -54,6 +55,11 @@ impl<'s> View<'s> {
         let shapes = &self.state.setting.scene.kind_of(object).shapes;
         let pose = self.state.object_pose(object);
         self.things.sight(&MODEL.camera, eye, (&pose, shapes), &[self.objects + own])
+    }
+
+    /// How a camera sees a body that is not there: what is at its place.
+    pub fn sight_of(&self, pose: &Isometry3<f64>, shapes: &[PosedShape], eye: &Isometry3<f64>) -> Sight {
+        self.things.sight(&MODEL.camera, eye, (pose, shapes), &[])
     }
 
     /// What hides most of something.

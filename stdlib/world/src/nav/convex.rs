@@ -274,7 +274,7 @@ pub(super) fn shadow_points(posed: &PosedShape, points: &mut Vec<Vector2<f64>>) 
 }
 
 /// Lowest and highest point of a shape, metres in Z.
-pub(super) fn heights(posed: &PosedShape) -> (f64, f64) {
+pub(crate) fn heights(posed: &PosedShape) -> (f64, f64) {
     let centre = posed.pose.translation.vector.z;
     let up: Vector3<f64> = posed.pose.rotation.inverse() * Vector3::z();
     let half = match posed.shape {
@@ -298,6 +298,6 @@ fn circle(radius: f64) -> impl Iterator<Item = Vector2<f64>> {
 }
 
 /// The shapes of a body at a pose.
-pub(super) fn placed(pose: &Isometry3<f64>, posed: &PosedShape) -> PosedShape {
+pub(crate) fn placed(pose: &Isometry3<f64>, posed: &PosedShape) -> PosedShape {
     PosedShape { pose: pose * posed.pose, shape: posed.shape }
 }
