@@ -15,6 +15,7 @@ natives! {
     "set-value" [2] in ctx => |_: &mut Ctx<'_>, args| task(TaskOp::Set(args[0].clone(), args[1].clone()));
     "pulse" [1] in ctx => |_: &mut Ctx<'_>, args| task(TaskOp::Pulse(args[0].clone()));
     "%derive" [2] in ctx => derive;
+    "%world-fluent" [0] in ctx => |_: &mut Ctx<'_>, _args| task(TaskOp::World);
     "%read" [1] => |args: &[Value]| Ok(as_fluent(&args[0]).map_or_else(|| args[0].clone(), Fluent::value));
     "%wait-for" [2] in ctx => wait_for;
     "%pulsed" [2] in ctx => pulsed;

@@ -143,6 +143,9 @@ impl<'p> Oracle<'_, 'p> {
                 let id = self.task_of(here, &task)?;
                 Ok(self.status(id))
             }
+            // Its programs have no world that could change.
+            TaskOp::World => Ok(self.new_fluent(Value::NIL)),
+            TaskOp::WorldChanged(value) => Ok(value),
         }
     }
 

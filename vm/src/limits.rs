@@ -72,7 +72,7 @@ impl Grants {
     pub fn allows(&self, effect: Effect) -> bool {
         match effect {
             // The only world and the only motions so far are those of the projection.
-            Effect::Pure | Effect::World | Effect::Motion => true,
+            Effect::Pure | Effect::Look | Effect::World | Effect::Motion => true,
             Effect::Read => !self.read.is_empty(),
             Effect::Write => !self.write.is_empty(),
             other => self.effects.contains(&other),

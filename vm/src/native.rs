@@ -22,7 +22,9 @@ pub enum Effect {
     /// Nothing: the result depends on the arguments alone. Printing to the run's own output and
     /// keyed random draws count as pure: they need no grant and repeat exactly.
     Pure,
-    /// Reads or changes the projected world.
+    /// Looks at the projected world. Rules may do that: a query sees it as it was when it was opened.
+    Look,
+    /// Changes the projected world, or begins one.
     World,
     /// Asks a robot to move.
     Motion,
@@ -44,6 +46,7 @@ impl Effect {
     pub fn name(self) -> &'static str {
         match self {
             Effect::Pure => "pure",
+            Effect::Look => "look",
             Effect::World => "world",
             Effect::Motion => "motion",
             Effect::Read => "read",

@@ -11,6 +11,9 @@ pub trait World: Any {
     /// A world that begins as this one is now, and shares nothing that changes.
     fn fork(&self) -> Box<dyn World>;
 
+    /// Another number after each change.
+    fn version(&self) -> u64;
+
     /// Itself, for the natives that made it and know its type.
     fn as_any(&mut self) -> &mut dyn Any;
 }

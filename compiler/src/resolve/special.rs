@@ -114,6 +114,8 @@ specials! {
         "The body; when so many seconds are over it is stopped, and the failure is `timeout`." => |it, scope, form, args| it.with_timeout(scope, form, args);
     "fl" "(fl expression)"
         "A fluent of an expression in which fluents stand for what they hold: computed again when one of them changes." => |it, scope, form, args| it.derived_fluent(scope, form, args);
+    "fl-world" "(fl-world goal)"
+        "A fluent of whether a goal of rules about the world holds: asked again whenever the world changes." => |it, scope, form, args| it.world_fluent(scope, form, args);
     "ask" "(ask goal)"
         "Whether the goal of rules holds." => queries::ask;
     "answers" "(answers template goal)"

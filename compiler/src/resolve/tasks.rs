@@ -180,17 +180,37 @@ impl Compiler<'_> {
     /// `(fl expression)`: computed again whenever a fluent changes that it reads.
     pub(super) fn derived_fluent(&mut self, scope: &mut Scope, form: &Form, args: &[Form]) -> Expr {
         let [expression] = args else { return self.misshapen(form, "takes one expression") };
-        // The status of a task is a fluent as well: it is asked for once, outside.
+        self.computed_fluent(scope, form, expression, None)
+    }
+
+    /// `(fl-world goal)`: asked again whenever the world changes, and whenever a fluent does that stands in it.
+    pub(super) fn world_fluent(&mut self, scope: &mut Scope, form: &Form, args: &[Form]) -> Expr {
+        let [goal] = args else { return self.misshapen(form, "takes one goal") };
+        let ask = Form::new(FormKind::Symbol(Symbol::from("ask")), form.span);
+        let question = Form::new(FormKind::List(vec![ask, goal.clone()]), form.span);
+        let world = self.native_call("%world-fluent", Vec::new(), form.span);
+        self.computed_fluent(scope, form, &question, Some(world))
+    }
+
+    /// The fluent of an expression over those that stand in it and one more.
+    fn computed_fluent(
+        &mut self,
+        scope: &mut Scope,
+        form: &Form,
+        expression: &Form,
+        another: Option<Expr>,
+    ) -> Expr {
+        // The status of a task is a fluent as well, and so is a goal about the world: asked for once, outside.
         let in_sight = scope.names.len();
         let mut outside = Vec::new();
-        let expression = &self.without_status(scope, expression, &mut outside);
+        let expression = &self.without_fluents(scope, expression, &mut outside);
         let around = self.reads_fluents.replace(Vec::new());
         let params = ParamForms::default();
         let function = self.lambda(scope, &params, std::slice::from_ref(expression), form.span);
         let globals = std::mem::replace(&mut self.reads_fluents, around).unwrap_or_default();
         let captured = function.captures.iter().map(|(outer, _)| ExprKind::Var(*outer));
         let read = captured.chain(globals.into_iter().map(ExprKind::Global));
-        let read = read.map(|kind| Some(Expr::new(kind, form.span))).collect();
+        let read = read.map(|kind| Some(Expr::new(kind, form.span))).chain(another.map(Some)).collect();
         let inputs = self.list_of(read, form.span);
         let function = Expr::new(ExprKind::Lambda(Box::new(function)), form.span);
         let fluent = self.native_call("%derive", vec![Some(function), Some(inputs)], form.span);
@@ -201,24 +221,28 @@ impl Compiler<'_> {
         }
     }
 
-    /// A form with a name in the place of each `(status task)`, which is bound to its value.
-    fn without_status(&mut self, scope: &mut Scope, form: &Form, outside: &mut Vec<(VarId, Expr)>) -> Form {
+    /// A form with a name in the place of each `(status task)` and `(fl-world goal)`, bound to its value.
+    fn without_fluents(&mut self, scope: &mut Scope, form: &Form, outside: &mut Vec<(VarId, Expr)>) -> Form {
         let FormKind::List(parts) = &form.kind else { return form.clone() };
         match parts.first() {
             Some(head) if head.is("quote") => form.clone(),
-            Some(head)
-                if head.is("status") && scope.variable(Symbol::from("status"), head.span).is_none() =>
-            {
+            Some(head) if self.makes_fluent(scope, head) => {
                 let value = self.expr(scope, form);
                 let name = Symbol::from(&format!("%status-{}", outside.len()));
                 outside.push((scope.bind(name, form.span), value));
                 Form { kind: FormKind::Symbol(name), ..form.clone() }
             }
             _ => {
-                let parts = parts.iter().map(|part| self.without_status(scope, part, outside)).collect();
+                let parts = parts.iter().map(|part| self.without_fluents(scope, part, outside)).collect();
                 Form { kind: FormKind::List(parts), ..form.clone() }
             }
         }
+    }
+
+    /// True for the heads of forms that make fluents of what is no fluent.
+    fn makes_fluent(&mut self, scope: &mut Scope, head: &Form) -> bool {
+        let known = ["status", "fl-world"].into_iter().find(|name| head.is(name));
+        known.is_some_and(|name| scope.variable(Symbol::from(name), head.span).is_none())
     }
 
     /// A variable or constant in an expression over fluents: what it holds, if it is a fluent.

@@ -1,4 +1,4 @@
-//! Functions that rules call only compute: this looks for what else they could do.
+//! Functions that rules call only compute, or look at the world: this looks for what else they could do.
 //!
 //! A function is looked at when it has been compiled, with all that its instructions mention.
 
@@ -60,7 +60,7 @@ fn impurity(program: &Program, function: FnId) -> Option<String> {
                     Some(Imm::Function(id)) if seen.insert(id) => todo.push(id),
                     Some(Imm::Native(native)) => {
                         let native = &program.natives[native.at()];
-                        if native.effect != Effect::Pure {
+                        if !matches!(native.effect, Effect::Pure | Effect::Look) {
                             return Some(format!(
                                 "uses `{}`, which has the effect {}",
                                 native.name,

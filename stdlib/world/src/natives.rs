@@ -7,7 +7,7 @@
 use nalgebra::{Isometry3, Vector3};
 use vm::failure::{Builtin, Failure};
 use vm::geometry::Pose;
-use vm::machine::Ctx;
+use vm::machine::{Ctx, TaskOp};
 use vm::native::{Next, Raise, index, list, number, range_error, type_error};
 use vm::natives;
 use vm::value::{Map, Obj, Symbol, Value};
@@ -38,31 +38,31 @@ natives! {
     "%go-back" [1] in ctx World => go_back;
 
     "put-object" [2 5] in ctx World => put_object;
-    "robot-arms" [0] in ctx World => |ctx: &mut Ctx<'_>, _args| robot_arms(ctx);
-    "park-position" [1] in ctx World => park_position;
-    "robot-pose" [0] in ctx World => |ctx: &mut Ctx<'_>, _args| pose_next(world(ctx)?.state.base);
-    "tool-pose" [1] in ctx World => |ctx: &mut Ctx<'_>, args| { let it = world(ctx)?; pose_next(it.state.tool(arm(&it.state, &args[0])?)) };
-    "joint-position" [1] in ctx World => joint_position;
-    "true-pose" [1] in ctx World => |ctx: &mut Ctx<'_>, args| { let it = world(ctx)?; pose_next(it.state.object_pose(object(&it.state, &args[0])?)) };
-    "believed-pose" [1] in ctx World => believed_pose;
-    "seen-at" [1] in ctx World => seen_at;
-    "object-type" [1] in ctx World => object_type;
-    "objects" [0] in ctx World => |ctx: &mut Ctx<'_>, _args| Ok(names(world(ctx)?.state.setting.scene.objects.iter().map(|it| it.name.as_str())).into());
-    "where-is" [1] in ctx World => where_is;
-    "objects-on" [1] in ctx World => objects_on;
-    "held-by" [1] in ctx World => held_by;
-    "surface-pose" [1] in ctx World => |ctx: &mut Ctx<'_>, args| { let it = world(ctx)?; pose_next(it.state.surface_pose(surface(&it.state, &args[0])?)) };
-    "surfaces" [0] in ctx World => |ctx: &mut Ctx<'_>, _args| Ok(names(world(ctx)?.state.setting.scene.surfaces.iter().map(|it| it.name.as_str())).into());
-    "containers" [0] in ctx World => |ctx: &mut Ctx<'_>, _args| Ok(names(world(ctx)?.state.setting.scene.containers.iter().map(|it| it.name.as_str())).into());
-    "container-position" [1] in ctx World => |ctx: &mut Ctx<'_>, args| { let it = world(ctx)?; Ok(Value::float(it.state.opening(container(&it.state, &args[0])?)).into()) };
-    "container-open?" [1] in ctx World => |ctx: &mut Ctx<'_>, args| { let it = world(ctx)?; Ok(Value::bool(it.state.opening(container(&it.state, &args[0])?) > 0.0).into()) };
-    "believed-open?" [1] in ctx World => |ctx: &mut Ctx<'_>, args| { let it = world(ctx)?; Ok(Value::bool(it.belief.open.contains_key(&container(&it.state, &args[0])?)).into()) };
-    "height-above-ground" [1] in ctx World => height_above_ground;
-    "grasps" [2] in ctx World => grasps;
-    "handle-ways" [1] in ctx World => handle_ways;
-    "tool-to-put" [2] in ctx World => tool_to_put;
-    "motion-costs" [0] in ctx World => costs;
-    "world-version" [0] in ctx World => |ctx: &mut Ctx<'_>, _args| Ok(Value::int(world(ctx)?.state.version as i64).into());
+    "robot-arms" [0] in ctx Look => |ctx: &mut Ctx<'_>, _args| robot_arms(ctx);
+    "park-position" [1] in ctx Look => park_position;
+    "robot-pose" [0] in ctx Look => |ctx: &mut Ctx<'_>, _args| pose_next(world(ctx)?.state.base);
+    "tool-pose" [1] in ctx Look => |ctx: &mut Ctx<'_>, args| { let it = world(ctx)?; pose_next(it.state.tool(arm(&it.state, &args[0])?)) };
+    "joint-position" [1] in ctx Look => joint_position;
+    "true-pose" [1] in ctx Look => |ctx: &mut Ctx<'_>, args| { let it = world(ctx)?; pose_next(it.state.object_pose(object(&it.state, &args[0])?)) };
+    "believed-pose" [1] in ctx Look => believed_pose;
+    "seen-at" [1] in ctx Look => seen_at;
+    "object-type" [1] in ctx Look => object_type;
+    "objects" [0] in ctx Look => |ctx: &mut Ctx<'_>, _args| Ok(names(world(ctx)?.state.setting.scene.objects.iter().map(|it| it.name.as_str())).into());
+    "where-is" [1] in ctx Look => where_is;
+    "objects-on" [1] in ctx Look => objects_on;
+    "held-by" [1] in ctx Look => held_by;
+    "surface-pose" [1] in ctx Look => |ctx: &mut Ctx<'_>, args| { let it = world(ctx)?; pose_next(it.state.surface_pose(surface(&it.state, &args[0])?)) };
+    "surfaces" [0] in ctx Look => |ctx: &mut Ctx<'_>, _args| Ok(names(world(ctx)?.state.setting.scene.surfaces.iter().map(|it| it.name.as_str())).into());
+    "containers" [0] in ctx Look => |ctx: &mut Ctx<'_>, _args| Ok(names(world(ctx)?.state.setting.scene.containers.iter().map(|it| it.name.as_str())).into());
+    "container-position" [1] in ctx Look => |ctx: &mut Ctx<'_>, args| { let it = world(ctx)?; Ok(Value::float(it.state.opening(container(&it.state, &args[0])?)).into()) };
+    "container-open?" [1] in ctx Look => |ctx: &mut Ctx<'_>, args| { let it = world(ctx)?; Ok(Value::bool(it.state.opening(container(&it.state, &args[0])?) > 0.0).into()) };
+    "believed-open?" [1] in ctx Look => |ctx: &mut Ctx<'_>, args| { let it = world(ctx)?; Ok(Value::bool(it.belief.open.contains_key(&container(&it.state, &args[0])?)).into()) };
+    "height-above-ground" [1] in ctx Look => height_above_ground;
+    "grasps" [2] in ctx Look => grasps;
+    "handle-ways" [1] in ctx Look => handle_ways;
+    "tool-to-put" [2] in ctx Look => tool_to_put;
+    "motion-costs" [0] in ctx Look => costs;
+    "world-version" [0] in ctx Look => |ctx: &mut Ctx<'_>, _args| Ok(Value::int(world(ctx)?.state.version as i64).into());
 }
 
 /// The world of the run.
@@ -70,6 +70,11 @@ pub(crate) fn world<'a>(ctx: &'a mut Ctx<'_>) -> Result<&'a mut World, Raise> {
     let slot = ctx.world().get_or_insert_with(|| Box::new(World::default()));
     let other = || Box::new(Failure::new(Builtin::ProgramError, "this run has a world of another kind"));
     slot.as_any().downcast_mut::<World>().ok_or_else(other)
+}
+
+/// The world has become another: fluents about it are computed again. The value is nil.
+fn changed() -> Result<Next, Raise> {
+    Ok(Next::Task(TaskOp::WorldChanged(Value::NIL)))
 }
 
 // ---------------------------------------------------------------------------------------------
@@ -206,14 +211,14 @@ fn checked_robot(args: &[Value]) -> Result<Value, Raise> {
 fn use_scene(ctx: &mut Ctx<'_>, args: &[Value]) -> Result<Next, Raise> {
     let scene = scene(&args[0])?;
     world(ctx)?.use_scene(scene);
-    Ok(Value::NIL.into())
+    changed()
 }
 
 fn use_robot(ctx: &mut Ctx<'_>, args: &[Value]) -> Result<Next, Raise> {
     let base = if args[1].is_nil() { Isometry3::identity() } else { Place::of_pose(&pose(&args[1])?).pose() };
     let machine = read_robot::machine(&args[0]).map_err(|mistake| mistaken(&[mistake]))?;
     world(ctx)?.use_robot(std::sync::Arc::new(machine), base);
-    Ok(Value::NIL.into())
+    changed()
 }
 
 /// `(put-object name surface x y yaw)`: as if a person had put it there.
@@ -234,7 +239,7 @@ fn put_object(ctx: &mut Ctx<'_>, args: &[Value]) -> Result<Next, Raise> {
     after.put(object, support, &on_world);
     it.state = after;
     it.changed();
-    Ok(Value::NIL.into())
+    changed()
 }
 
 pub(crate) fn finite(value: &Value) -> Result<f64, Raise> {
@@ -343,7 +348,7 @@ fn number_of(value: &Value) -> Result<u64, Raise> {
 fn end(ctx: &mut Ctx<'_>, args: &[Value]) -> Result<Next, Raise> {
     let now_ns = ctx.now_ns();
     world(ctx)?.end(number_of(&args[0])?, now_ns);
-    Ok(Value::NIL.into())
+    changed()
 }
 
 /// What a motion that has ended gives: its value, or its failure.
@@ -409,7 +414,7 @@ fn keep(ctx: &mut Ctx<'_>, _args: &[Value]) -> Result<Next, Raise> {
 fn go_back(ctx: &mut Ctx<'_>, args: &[Value]) -> Result<Next, Raise> {
     let kept = index(&args[0])?;
     world(ctx)?.go_back(kept);
-    Ok(Value::NIL.into())
+    changed()
 }
 
 // ---------------------------------------------------------------------------------------------

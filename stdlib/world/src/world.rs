@@ -111,6 +111,10 @@ impl vm::world::World for World {
         Box::new(fork)
     }
 
+    fn version(&self) -> u64 {
+        self.state.version
+    }
+
     fn as_any(&mut self) -> &mut dyn Any {
         self
     }

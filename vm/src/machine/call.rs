@@ -410,6 +410,11 @@ impl Machine {
         let run = &mut self.runs[0..];
         let Some(run) = run.last_mut() else { return Ok(Next::Return(Value::NIL)) };
         let rec = run.record(run.here);
+        // What rules call sees the world of their query.
+        let world = match run.drivers.last_mut() {
+            Some(Driver::Solve(solve)) if solve.engine.world.is_some() => &mut solve.engine.world,
+            _ => &mut run.world,
+        };
         let mut ctx = Ctx::new(CtxParts {
             program: &self.program,
             tree: &run.tree,
@@ -421,7 +426,7 @@ impl Machine {
             fresh: &mut self.fresh,
             output_limit: self.limits.output,
             host,
-            world: &mut run.world,
+            world,
         });
         let before = live::bytes();
         let next = (native.run)(&mut ctx, args)?;

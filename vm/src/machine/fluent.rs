@@ -50,6 +50,10 @@ pub enum TaskOp {
     Join(Value),
     /// The status of a task, as a fluent.
     Status(Value),
+    /// The version of the world, as a fluent.
+    World,
+    /// The world has changed: what is computed from it is computed again; this value.
+    WorldChanged(Value),
 }
 
 fn fluent_of(value: &Value) -> Result<&Fluent, Raise> {
@@ -129,6 +133,17 @@ impl Machine {
                 let id = self.task_of(&task)?;
                 let status = self.status_fluent(id);
                 self.put(d, status)
+            }
+            TaskOp::World => {
+                let fluent = self.world_fluent();
+                self.put(d, fluent)
+            }
+            TaskOp::WorldChanged(value) => {
+                if let Some(fluent) = self.top().world_fluent.clone() {
+                    let version = self.world_version();
+                    self.set_fluent(host, &fluent, version)?;
+                }
+                self.put(d, value)
             }
         }
     }
@@ -257,6 +272,7 @@ impl Machine {
         (run.pc, run.base, run.here) = (RESUME, 0, Here(1));
         // What is computed may look at the world, and nobody else looks meanwhile.
         run.world = self.top().world.take();
+        run.world_fluent.clone_from(&self.top().world_fluent);
         let depth = self.runs.len();
         self.runs.push(run);
         let mut left = FUEL;
@@ -267,7 +283,9 @@ impl Machine {
         };
         self.runs.truncate(depth + 1);
         let mut run = self.runs.pop();
-        self.top().world = run.as_mut().and_then(|run| run.world.take());
+        if let Some(run) = &mut run {
+            (self.top().world, self.top().world_fluent) = (run.world.take(), run.world_fluent.take());
+        }
         self.beside += FUEL - left;
         let has_nodes = run.as_ref().is_some_and(|run| run.tree.len() > 1);
         self.scratch = run.filter(|_| !has_nodes && matches!(exit, Exit::Done(_)));
@@ -328,6 +346,21 @@ impl Machine {
         let token = run.tasks.get(waiting).token;
         run.tasks.get_mut(id).add_joiner(waiting, token);
         Ok(Some(Exit::Wait))
+    }
+
+    /// The fluent of the world's version: one for each run.
+    fn world_fluent(&mut self) -> Value {
+        if let Some(fluent) = &self.top().world_fluent {
+            return fluent.clone();
+        }
+        let fluent = Fluent::new(self.number(), self.world_version());
+        let fluent = Value::new(Obj::Fluent(Box::new(fluent)));
+        self.top().world_fluent = Some(fluent.clone());
+        fluent
+    }
+
+    fn world_version(&mut self) -> Value {
+        self.top().world.as_ref().map_or(Value::NIL, |world| Value::int(world.version() as i64))
     }
 
     fn status_fluent(&mut self, id: TaskId) -> Value {

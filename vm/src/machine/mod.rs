@@ -147,6 +147,8 @@ struct Run {
     number: u64,
     /// What its natives keep of the world.
     world: WorldSlot,
+    /// The version of the world as a fluent, once somebody has asked for it.
+    world_fluent: Option<Value>,
 }
 
 impl Run {
@@ -184,6 +186,7 @@ impl Run {
             deliver: 0,
             number: 0,
             world: None,
+            world_fluent: None,
         }
     }
 

@@ -214,7 +214,11 @@ impl Machine {
     /// An engine about to solve a predicate, with all that the query can see.
     fn engine(&mut self, predicate: PredId, inputs: &[Value]) -> Result<Box<Engine>, Raise> {
         let view = self.view(predicate);
-        Ok(Box::new(Engine::new(predicate, inputs, view, false)))
+        let mut engine = Box::new(Engine::new(predicate, inputs, view, false));
+        if self.program.rules.sees_world(predicate) {
+            engine.world = self.top().world.as_ref().map(|world| world.fork());
+        }
+        Ok(engine)
     }
 
     /// What a query sees besides rules, as it is now.

@@ -278,6 +278,24 @@ impl Goal {
         }
     }
 
+    /// True if it calls a function.
+    #[must_use]
+    pub fn calls_functions(&self) -> bool {
+        match &self.kind {
+            GoalKind::Fun(..) => true,
+            GoalKind::And(goals) | GoalKind::Or(goals) => goals.iter().any(Goal::calls_functions),
+            GoalKind::If { test, then, otherwise, .. } => {
+                [Some(test), Some(then), otherwise.as_ref()].into_iter().flatten().any(|it| it.calls_functions())
+            }
+            GoalKind::Not(goal, _)
+            | GoalKind::Once(goal)
+            | GoalKind::Collect(_, _, goal, _)
+            | GoalKind::Bag { goal, .. } => goal.calls_functions(),
+            GoalKind::ForAll(test, goal) => test.calls_functions() || goal.calls_functions(),
+            _ => false,
+        }
+    }
+
     /// Visits its variables, each as often as it stands there.
     pub fn each_var(&self, visit: &mut dyn FnMut(VarNo)) {
         match &self.kind {

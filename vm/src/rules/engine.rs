@@ -125,6 +125,9 @@ pub struct Engine {
     pub(super) live: FxHashMap<u32, Rc<Live>>,
     /// What the query sees besides rules.
     pub view: View,
+    /// The world as it was when the query was opened, for the functions that rules call; where there is
+    /// none, they see that of the run.
+    pub world: crate::world::WorldSlot,
     pub(super) tables: Tables,
     /// How often each counter of the clauses has been met.
     pub ticks: Vec<u64>,
@@ -179,6 +182,7 @@ impl Engine {
             collect_at: 0,
             live: FxHashMap::default(),
             view,
+            world: None,
             tables: Tables::default(),
             ticks: Vec::new(),
             trace: None,

@@ -117,6 +117,8 @@ pub struct Predicate {
     native: Option<NativeRule>,
     /// A query for it may look at a tree.
     sees_tree: bool,
+    /// A query for it may call functions, which may look at the world.
+    sees_world: bool,
 }
 
 /// What a query asks for.
@@ -165,6 +167,7 @@ impl Rules {
             table: Rc::default(),
             native,
             sees_tree: false,
+            sees_world: false,
         });
         let id = PredId(self.predicates.len() as u32 - 1);
         let it = &self.predicates[id.at()].declared;
@@ -248,7 +251,7 @@ impl Rules {
             (it.clauses, it.facts, it.index) = (clauses, facts, index);
             it.is_plain = it.table.is_empty() && it.native.is_none() && !it.declared.tabled;
         }
-        self.look_for_trees();
+        self.look_around();
         refused
     }
 
@@ -279,24 +282,33 @@ impl Rules {
         }
     }
 
-    /// Finds out which predicates may look at a tree.
-    fn look_for_trees(&mut self) {
+    /// Finds out which predicates may look at a tree, and which at the world.
+    fn look_around(&mut self) {
         let on_trees = |it: &Predicate| tree::TABLE.iter().any(|native| it.declared.name == native.0);
+        let asks = |it: &Predicate| it.clauses.iter().any(|clause| clause.body.calls_functions());
         for it in &mut self.predicates {
             it.sees_tree = it.native.is_some() && on_trees(it);
+            it.sees_world = asks(it);
         }
         loop {
-            let sees = |id: PredId| self.predicates[id.at()].sees_tree;
-            let more: Vec<usize> = (0..self.predicates.len())
-                .filter(|at| {
-                    let it = &self.predicates[*at];
-                    !it.sees_tree && it.clauses.iter().any(|clause| clause.body.calls(&sees))
-                })
-                .collect();
-            if more.is_empty() {
+            let calls = |it: &Predicate, sees: &dyn Fn(&Predicate) -> bool| {
+                let sees = |id: PredId| sees(&self.predicates[id.at()]);
+                it.clauses.iter().any(|clause| clause.body.calls(&sees))
+            };
+            let more = |it: &Predicate| {
+                let tree = !it.sees_tree && calls(it, &|other| other.sees_tree);
+                let world = !it.sees_world && calls(it, &|other| other.sees_world);
+                (tree || world).then_some((tree, world))
+            };
+            let all = self.predicates.iter().enumerate();
+            let found: Vec<_> = all.filter_map(|(at, it)| Some((at, more(it)?))).collect();
+            if found.is_empty() {
                 return;
             }
-            more.into_iter().for_each(|at| self.predicates[at].sees_tree = true);
+            for (at, (tree, world)) in found {
+                self.predicates[at].sees_tree |= tree;
+                self.predicates[at].sees_world |= world;
+            }
         }
     }
 
@@ -310,6 +322,12 @@ impl Rules {
     #[must_use]
     pub fn sees_tree(&self, predicate: PredId) -> bool {
         self.predicates.get(predicate.at()).is_some_and(|it| it.sees_tree)
+    }
+
+    /// True if a query for the predicate may look at the world.
+    #[must_use]
+    pub fn sees_world(&self, predicate: PredId) -> bool {
+        self.predicates.get(predicate.at()).is_some_and(|it| it.sees_world)
     }
 
     /// A constant as its number.

@@ -1,6 +1,7 @@
 //! Driving.
 
 use std::cell::RefCell;
+use std::rc::Rc;
 use std::sync::Arc;
 
 use nalgebra::{Isometry3, Vector2};
@@ -22,9 +23,9 @@ const KEY_S: f64 = 0.25;
 const MOST_ERROR: f64 = 3.0;
 
 /// Maps of the states that were asked last. As long as only the base moves, one holds; where only doors and
-/// objects are elsewhere, what never moves is not computed again.
+/// objects are elsewhere, what never moves is not computed again. Forks of a world share them.
 #[derive(Clone, Default)]
-pub struct Maps(RefCell<Vec<(State, Arc<Map>)>>);
+pub struct Maps(Rc<RefCell<Vec<(State, Arc<Map>)>>>);
 
 /// Outlines for which maps are kept: with parked arms, and with this or that in the hands.
 const KEPT: usize = 4;
