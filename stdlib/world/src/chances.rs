@@ -18,13 +18,13 @@ use crate::state::{State, Support};
 use crate::world::Motion;
 
 natives! {
-    "%places-to-stand" [5] in ctx World => places_to_stand;
-    "%places-to-put" [3 4] in ctx World => places_to_put;
-    "%first-that-works" [2] in ctx World => first_that_works;
-    "surface-size" [1] in ctx World => surface_size;
-    "surfaces-in" [1] in ctx World => surfaces_in;
-    "container-of" [1] in ctx World => container_of;
-    "points-seen" [2] in ctx World => points_seen;
+    "%places-to-stand" [5] in ctx Look => places_to_stand;
+    "%places-to-put" [3 4] in ctx Look => places_to_put;
+    "%first-that-works" [2] in ctx Look => first_that_works;
+    "surface-size" [1] in ctx Look => surface_size;
+    "surfaces-in" [1] in ctx Look => surfaces_in;
+    "container-of" [1] in ctx Look => container_of;
+    "points-seen" [2] in ctx Look => points_seen;
 }
 
 /// So many candidates at most: they are computed at once.
