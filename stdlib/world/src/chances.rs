@@ -10,7 +10,9 @@ use vm::natives;
 use vm::value::{Symbol, Value};
 
 use crate::motions::Trouble;
-use crate::natives::{container, finite, map, motion, object, point, pose, pose_value, poses, raise, surface, symbol, world};
+use crate::natives::{
+    container, finite, map, motion, object, point, pose, pose_value, poses, raise, surface, symbol, world,
+};
 use crate::places::{self, Distance};
 use crate::rehearse::{moved, rehearse, seen};
 use crate::scene::{ContainerId, Surface};
@@ -23,6 +25,7 @@ natives! {
     "%first-that-works" [2] in ctx Look => first_that_works;
     "surface-size" [1] in ctx Look => surface_size;
     "surfaces-in" [1] in ctx Look => surfaces_in;
+    "container-range" [1] in ctx Look => |ctx: &mut Ctx<'_>, args| { let it = world(ctx)?; let id = container(&it.state, &args[0])?; Ok(Value::float(it.state.setting.container(id).open).into()) };
     "container-of" [1] in ctx Look => container_of;
     "points-seen" [2] in ctx Look => points_seen;
 }
@@ -91,7 +94,7 @@ fn first_that_works(ctx: &mut Ctx<'_>, args: &[Value]) -> Result<Next, Raise> {
         let message = format!("places times ways are more than are tried at once, which is {MOST_TRIES}");
         return Err(range_error(message, &Value::int(alternatives.len() as i64)));
     }
-    let believed = it.believed();
+    let believed = it.believed().parked();
     let mut why = Vec::new();
     for (number, base) in bases.iter().enumerate() {
         let there = moved(&believed, base);
@@ -129,6 +132,10 @@ fn read_motion(state: &State, value: &Value) -> Result<Motion, Raise> {
             motion(state, &name, &[Value::list(pairs.collect::<Vec<_>>()), touching])
         }
         "moving-arm-joints" => motion(state, &name, &[Value::list([Value::list(args.to_vec())])]),
+        "parking-arms" => {
+            let all = state.machine().map_or(&[][..], |it| &it.limbs.arms);
+            Ok(Motion::MovingArmJoints(all.iter().map(|arm| arm.park.clone()).enumerate().collect()))
+        }
         "opening" => motion(state, "moving-container", args),
         "closing" => motion(state, "moving-container", &[given(0), given(1), Value::int(0)]),
         other => motion(state, other, args),

@@ -15,8 +15,8 @@
 //! 2. No file and no pose makes it panic.
 
 pub mod belief;
-pub mod motions;
 mod chances;
+pub mod motions;
 mod natives;
 pub mod nav;
 pub mod parry;

@@ -59,7 +59,7 @@ natives! {
     "believed-open?" [1] in ctx Look => |ctx: &mut Ctx<'_>, args| { let it = world(ctx)?; Ok(Value::bool(it.belief.open.contains_key(&container(&it.state, &args[0])?)).into()) };
     "height-above-ground" [1] in ctx Look => height_above_ground;
     "grasps" [2] in ctx Look => grasps;
-    "handle-ways" [1] in ctx Look => handle_ways;
+    "handle-ways" [1 2] in ctx Look => handle_ways;
     "tool-to-put" [2] in ctx Look => tool_to_put;
     "motion-costs" [0] in ctx Look => costs;
     "world-version" [0] in ctx Look => |ctx: &mut Ctx<'_>, _args| Ok(Value::int(world(ctx)?.state.version as i64).into());
@@ -536,7 +536,11 @@ fn handle_ways(ctx: &mut Ctx<'_>, args: &[Value]) -> Result<Next, Raise> {
     let it = world(ctx)?;
     let id = container(&it.state, &args[0])?;
     let handle = it.state.setting.container(id).handle;
-    let tool = it.state.setting.container_pose(id, it.state.opening(id)) * handle.tool;
+    let position = match args.get(1).filter(|it| !it.is_nil()) {
+        Some(position) => finite(position)?,
+        None => it.state.opening(id),
+    };
+    let tool = it.state.setting.container_pose(id, position) * handle.tool;
     Ok(Value::list([back(&tool, crate::scene::grasp::PRE_GRASP_M), tool].map(pose_value)).into())
 }
 

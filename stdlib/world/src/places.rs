@@ -12,14 +12,15 @@ use nalgebra::{Isometry3, Vector2, Vector3};
 use crate::motions::base::Maps;
 use crate::motions::{Trouble, machine};
 use crate::nav::convex::{Polygon, heights, placed};
-use crate::nav::{Costmap, Flood, Grid, Map, Place};
+use crate::nav::{Costmap, Flood, Grid, Map, Place, turn_between};
 use crate::random::unit;
 use crate::scene::{ContainerId, ObjectId, upright};
 use crate::shape::PosedShape;
 use crate::state::{Grip, State, Support};
 
-/// Two places nearer to one another than this are one, metres.
+/// Two places nearer to one another than this are one, metres and radians.
 const APART_M: f64 = 0.12;
+const APART_RAD: f64 = 0.3;
 /// The width of the ring of good distances, metres.
 const RING_M: f64 = 0.12;
 /// A place that is so much farther away from the robot is half as good, metres.
@@ -46,7 +47,8 @@ pub struct Distance {
     pub most_m: f64,
 }
 
-/// Places of the base around a point that it gets to from where it is, heading for the point.
+/// Places of the base around a point that it gets to from where it is, heading for the point. It drives with its
+/// arms parked.
 ///
 /// # Errors
 /// There is no robot, or it cannot drive at all.
@@ -59,6 +61,7 @@ pub fn to_stand(
     count: usize,
 ) -> Result<Vec<Place>, Trouble> {
     let drive = machine(state)?.limbs.drive;
+    let state = &state.parked();
     let map = maps.of(state);
     let start = Place::of_pose(&state.base);
     let flood = Flood::new(&map, start, drive).map_err(|why| {
@@ -78,8 +81,13 @@ pub fn to_stand(
         if found.len() == count {
             break;
         }
-        let apart = found.iter().all(|other| (other.point() - at).norm() >= APART_M);
-        found.extend(apart.then(|| heading(&map, at, goal, unit(seed, k as u64))).flatten());
+        let Some(place) = heading(&map, at, goal, unit(seed, k as u64)) else { continue };
+        let apart = |other: &Place| {
+            (other.point() - at).norm() >= APART_M || turn_between(other.yaw, place.yaw).abs() >= APART_RAD
+        };
+        if found.iter().all(apart) {
+            found.push(place);
+        }
     }
     Ok(found)
 }

@@ -94,8 +94,10 @@ pub fn seen(state: &State, points: &[Vector3<f64>]) -> Result<usize, Trouble> {
     turned.set_joints(&[(head.pan, look.pan), (head.tilt, look.tilt)]);
     let camera = turned.links().get(head.camera.index()).copied().unwrap_or_default();
     let view = View::new(&turned);
-    let spot =
-        [PosedShape { pose: Isometry3::identity(), shape: Shape::Box { size: Vector3::repeat(2.0 * SPOT_M) } }];
+    let spot = [PosedShape {
+        pose: Isometry3::identity(),
+        shape: Shape::Box { size: Vector3::repeat(2.0 * SPOT_M) },
+    }];
     let is_seen = |point: &&Vector3<f64>| {
         let pose = Isometry3::translation(point.x, point.y, point.z + SPOT_M);
         view.sight_of(&pose, &spot, &camera).visible > 0.5

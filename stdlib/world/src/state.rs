@@ -410,6 +410,20 @@ impl State {
         self.joints = joints.into();
     }
 
+    /// As it is when the arms have been parked: those that can go there by themselves.
+    #[must_use]
+    pub fn parked(&self) -> State {
+        let mut state = self.clone();
+        let Some(machine) = self.machine() else { return state };
+        for (number, arm) in machine.limbs.arms.iter().enumerate() {
+            if crate::motions::tool::is_free_to_move(self, number).is_ok() {
+                let park = arm.chain.variables().iter().copied().zip(arm.park.iter().copied());
+                state.set_joints(&park.collect::<Vec<_>>());
+            }
+        }
+        state
+    }
+
     /// Puts an object somewhere, at a pose in the world, out of all hands.
     pub fn put(&mut self, object: ObjectId, on: Support, pose_in_world: &Isometry3<f64>) {
         for arm in self.holders(object) {

@@ -72,7 +72,7 @@ fn follow_along(state: &State, ways: &mut Vec<ToolWay>) -> Result<bool, Trouble>
 }
 
 /// Why an arm cannot go anywhere by itself.
-pub(super) fn is_free_to_move(state: &State, arm: usize) -> Result<(), Trouble> {
+pub(crate) fn is_free_to_move(state: &State, arm: usize) -> Result<(), Trouble> {
     let name =
         state.machine().and_then(|it| it.limbs.arms.get(arm)).map_or_else(String::new, |it| it.name.clone());
     match state.hands.get(&arm) {
