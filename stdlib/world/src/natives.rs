@@ -4,7 +4,7 @@
 //! that do not exist are mistakes of the program (`range-error`, with what was probably meant); what
 //! goes wrong with a motion is a typed failure of that file.
 
-use nalgebra::{Isometry3, Vector3};
+use nalgebra::{Isometry3, Translation3, Vector3};
 use vm::failure::{Builtin, Failure};
 use vm::geometry::Pose;
 use vm::machine::{Ctx, TaskOp};
@@ -20,6 +20,7 @@ use crate::nav::Place;
 use crate::read::Mistake;
 use crate::read_robot;
 use crate::robot::error::nearest;
+use crate::robot::model::turn;
 use crate::scene::grasp::{back, lifted};
 use crate::scene::{ContainerId, Hands, ObjectId, Scene, SurfaceId};
 use crate::state::{Around, Grip, State, Support};
@@ -59,7 +60,7 @@ natives! {
     "believed-open?" [1] in ctx Look => |ctx: &mut Ctx<'_>, args| { let it = world(ctx)?; Ok(Value::bool(it.belief.open.contains_key(&container(&it.state, &args[0])?)).into()) };
     "height-above-ground" [1] in ctx Look => height_above_ground;
     "grasps" [2] in ctx Look => grasps;
-    "handle-ways" [1 2] in ctx Look => handle_ways;
+    "handle-ways" [1 3] in ctx Look => handle_ways;
     "tool-to-put" [2] in ctx Look => tool_to_put;
     "motion-costs" [0] in ctx Look => costs;
     "world-version" [0] in ctx Look => |ctx: &mut Ctx<'_>, _args| Ok(Value::int(world(ctx)?.state.version as i64).into());
@@ -540,7 +541,13 @@ fn handle_ways(ctx: &mut Ctx<'_>, args: &[Value]) -> Result<Next, Raise> {
         Some(position) => finite(position)?,
         None => it.state.opening(id),
     };
-    let tool = it.state.setting.container_pose(id, position) * handle.tool;
+    let about_bar = match args.get(2).filter(|it| !it.is_nil()) {
+        Some(turn) => finite(turn)?,
+        None => 0.0,
+    };
+    let held = Translation3::from(handle.tool.translation.vector);
+    let turned = held * turn(&handle.bar, about_bar) * held.inverse() * handle.tool;
+    let tool = it.state.setting.container_pose(id, position) * turned;
     Ok(Value::list([back(&tool, crate::scene::grasp::PRE_GRASP_M), tool].map(pose_value)).into())
 }
 
