@@ -5,8 +5,10 @@
 
 use nalgebra::{Isometry3, Point3, Vector3};
 
+use crate::motions::base::{Maps, blocker_name};
 use crate::motions::view::View;
 use crate::motions::{Trouble, machine};
+use crate::nav::Place;
 use crate::shape::{PosedShape, Shape};
 use crate::state::State;
 use crate::world::{Ended, Motion, World};
@@ -20,11 +22,11 @@ pub fn moved(state: &State, base: &Isometry3<f64>) -> State {
     State { base: *base, ..state.clone() }
 }
 
-/// Whether motions succeed, one after the other; else why not.
+/// Whether motions succeed, one after the other, and leave the base where it can drive off; else why not.
 ///
 /// # Errors
 /// The first failure.
-pub fn rehearse(state: &State, motions: &[Motion], now_ns: u64) -> Result<(), Trouble> {
+pub fn rehearse(state: &State, maps: &Maps, motions: &[Motion], now_ns: u64) -> Result<(), Trouble> {
     within_reach(state, motions)?;
     let mut world = World::new(state.clone());
     let mut now_ns = now_ns;
@@ -36,7 +38,16 @@ pub fn rehearse(state: &State, motions: &[Motion], now_ns: u64) -> Result<(), Tr
             return Err(trouble);
         }
     }
-    Ok(())
+    can_drive_off(&world.state, maps)
+}
+
+/// With its arms as they are then, and with what they hold, the base must touch nothing where it stands.
+fn can_drive_off(state: &State, maps: &Maps) -> Result<(), Trouble> {
+    let map = maps.of(state);
+    let Some(blocker) = map.blocker(&Place::of_pose(&state.base)) else { return Ok(()) };
+    let by = blocker_name(state, &blocker);
+    let message = format!("the base could not drive off after that: `{by}` is in the way");
+    Err(Trouble::new("base-goal-in-collision", message).pose("goal", state.base).name("by", by))
 }
 
 /// Most ways fail because something is too far away. That is seen without looking at ways: are there configurations

@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use nalgebra::{Isometry3, Vector2};
 
-use crate::nav::{Barrier, Flood, Footprint, Map, NoWay, Place, Room, Settings};
+use crate::nav::{Barrier, Blocker, Flood, Footprint, Map, NoWay, Place, Room, Settings};
 use crate::scene::{ContainerId, SurfaceId};
 use crate::shape::PosedShape;
 use crate::state::{Grip, State, Support};
@@ -196,10 +196,7 @@ fn with_error(map: &Map, goal: &Place, draws: &mut Draws) -> Place {
 }
 
 fn no_way(state: &State, why: &NoWay, goal: &Place) -> Trouble {
-    let name = |blocker: &crate::nav::Blocker| match blocker {
-        crate::nav::Blocker::Bounds => "the edge of the room".to_string(),
-        crate::nav::Blocker::Barrier(number) => barrier_name(state, *number),
-    };
+    let name = |blocker: &Blocker| blocker_name(state, blocker);
     let at: Isometry3<f64> = goal.pose();
     let trouble =
         |kind, by: String| Trouble::new(kind, format!("{why}: `{by}`")).pose("goal", at).name("by", by);
@@ -209,6 +206,14 @@ fn no_way(state: &State, why: &NoWay, goal: &Place) -> Trouble {
             .name("by", "the edge of the room"),
         NoWay::StartBlocked { by } | NoWay::Blocked { by, .. } => trouble("base-goal-unreachable", name(by)),
         NoWay::GoalBlocked { by } => trouble("base-goal-in-collision", name(by)),
+    }
+}
+
+/// What a blocker is called.
+pub(crate) fn blocker_name(state: &State, blocker: &Blocker) -> String {
+    match blocker {
+        Blocker::Bounds => "the edge of the room".to_string(),
+        Blocker::Barrier(number) => barrier_name(state, *number),
     }
 }
 
