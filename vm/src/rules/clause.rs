@@ -284,9 +284,10 @@ impl Goal {
         match &self.kind {
             GoalKind::Fun(..) => true,
             GoalKind::And(goals) | GoalKind::Or(goals) => goals.iter().any(Goal::calls_functions),
-            GoalKind::If { test, then, otherwise, .. } => {
-                [Some(test), Some(then), otherwise.as_ref()].into_iter().flatten().any(|it| it.calls_functions())
-            }
+            GoalKind::If { test, then, otherwise, .. } => [Some(test), Some(then), otherwise.as_ref()]
+                .into_iter()
+                .flatten()
+                .any(|it| it.calls_functions()),
             GoalKind::Not(goal, _)
             | GoalKind::Once(goal)
             | GoalKind::Collect(_, _, goal, _)
