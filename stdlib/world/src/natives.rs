@@ -533,7 +533,11 @@ fn grasps(ctx: &mut Ctx<'_>, args: &[Value]) -> Result<Next, Raise> {
         Some(given) => pose(given)?,
         None => match believed(it, object) {
             Some(pose) => pose,
-            None => return Err(range_error("nobody knows where it is: it has not been seen", &args[0])),
+            None => {
+                let name = &it.state.setting.scene.objects[object.0].name;
+                let message = format!("nobody knows where `{name}` is: it has not been seen; give a pose");
+                return Err(range_error(message, &args[0]));
+            }
         },
     };
     let all = it.state.setting.scene.kind_of(object).grasps.iter().map(|grasp| {
