@@ -31,6 +31,7 @@ natives! {
     "pose-position" [1] => |args: &[Value]| Ok(vec_value(pose(&args[0])?.isometry.translation.vector));
     "pose-orientation" [1] => |args: &[Value]| Ok(Value::vector(pose(&args[0])?.numbers()[3..].iter().copied().map(Value::float)));
     "distance" [2] => distance;
+    "angle" [2] => angle;
     "transform" [2] => transform;
     "inverse" [1 2] => inverse;
 }
@@ -144,11 +145,8 @@ fn rotation_of_quaternion(xyzw: [f64; 4], shown: &Value) -> Result<UnitQuaternio
 fn distance(args: &[Value]) -> Result<Value, Raise> {
     let difference = match (args[0].obj(), args[1].obj()) {
         (Some(Obj::Vec3(a)), Some(Obj::Vec3(b))) => a.0 - b.0,
-        (Some(Obj::Pose(a)), Some(Obj::Pose(b))) if a.frame != b.frame => {
-            let message = format!("the poses are in different frames, `{}` and `{}`", a.frame, b.frame);
-            return Err(range_error(message, &args[1]));
-        }
         (Some(Obj::Pose(a)), Some(Obj::Pose(b))) => {
+            same_frame(a, b, &args[1])?;
             a.isometry.translation.vector - b.isometry.translation.vector
         }
         (Some(Obj::Vec3(_)), _) => return Err(type_error("a vec3", &args[1])),
@@ -156,6 +154,37 @@ fn distance(args: &[Value]) -> Result<Value, Raise> {
         _ => return Err(type_error("a vec3 or pose", &args[0])),
     };
     Ok(Value::float(norm(&difference)))
+}
+
+fn angle(args: &[Value]) -> Result<Value, Raise> {
+    let (across, along) = match (args[0].obj(), args[1].obj()) {
+        (Some(Obj::Vec3(a)), Some(Obj::Vec3(b))) => {
+            for (it, value) in [(a, &args[0]), (b, &args[1])] {
+                if norm(&it.0) == 0.0 {
+                    return Err(range_error("a vector of length 0 has no direction", value));
+                }
+            }
+            (norm(&a.0.cross(&b.0)), a.0.dot(&b.0))
+        }
+        (Some(Obj::Pose(a)), Some(Obj::Pose(b))) => {
+            same_frame(a, b, &args[1])?;
+            let turn = a.isometry.rotation.inverse() * b.isometry.rotation;
+            let half = libm::atan2(norm(&Vector3::new(turn.i, turn.j, turn.k)), turn.w.abs());
+            return Ok(Value::float(2.0 * half));
+        }
+        (Some(Obj::Vec3(_)), _) => return Err(type_error("a vec3", &args[1])),
+        (Some(Obj::Pose(_)), _) => return Err(type_error("a pose", &args[1])),
+        _ => return Err(type_error("a vec3 or pose", &args[0])),
+    };
+    Ok(Value::float(libm::atan2(across, along)))
+}
+
+fn same_frame(a: &Pose, b: &Pose, value: &Value) -> Result<(), Raise> {
+    if a.frame == b.frame {
+        return Ok(());
+    }
+    let message = format!("the poses are in different frames, `{}` and `{}`", a.frame, b.frame);
+    Err(range_error(message, value))
 }
 
 fn transform(args: &[Value]) -> Result<Value, Raise> {

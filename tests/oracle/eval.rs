@@ -172,6 +172,8 @@ pub struct Run<'p> {
     /// What they owe, in the order of its making.
     pub obligations: Vec<Obligation<'p>>,
     pub draws: Draws,
+    /// The version of the world as a fluent, once somebody has asked for it.
+    pub world_fluent: Option<Value>,
 }
 
 impl Run<'_> {
@@ -185,6 +187,7 @@ impl Run<'_> {
             forms_made: 1,
             obligations: Vec::new(),
             draws: Draws::default(),
+            world_fluent: None,
         }
     }
 }

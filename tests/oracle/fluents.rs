@@ -144,7 +144,12 @@ impl<'p> Oracle<'_, 'p> {
                 Ok(self.status(id))
             }
             // Its programs have no world that could change.
-            TaskOp::World => Ok(self.new_fluent(Value::NIL)),
+            TaskOp::World => {
+                if self.run.world_fluent.is_none() {
+                    self.run.world_fluent = Some(self.new_fluent(Value::NIL));
+                }
+                Ok(self.run.world_fluent.clone().unwrap_or_default())
+            }
             TaskOp::WorldChanged(value) => Ok(value),
         }
     }

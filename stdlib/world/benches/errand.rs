@@ -17,8 +17,10 @@ use world::motions::tool::ToolWay;
 use world::nav::Place;
 use world::scene::grasp::{back, lifted};
 use world::scene::{Hands, Scene, Side, upright};
+use world::search::place::{Item, Wishes, free_poses};
+use world::search::{reach, stand};
 use world::setting::Setting;
-use world::state::{Around, Grip, State};
+use world::state::{Around, Grip, State, Support};
 use world::world::{Ended, Motion, World};
 
 const RUNS: usize = 9;
@@ -130,6 +132,7 @@ fn parts(start: &State) {
         "version",
     );
     let cup = start.setting.scene.object("cup-1").expect("there is a cup");
+    candidates(start);
     let mut held = start.clone();
     held.take(cup, &[0]);
     line(
@@ -137,4 +140,40 @@ fn parts(start: &State) {
         measure(1, || drop(std::hint::black_box(releasing(&held, &[0])))),
         "fall",
     );
+}
+
+/// What a plan may ask before anything moves.
+fn candidates(start: &State) {
+    let world = World::new(start.clone());
+    let (map, flood) = world.ground().unwrap_or_else(|why| panic!("{}", why.message));
+    let scene = &start.setting.scene;
+    let cup = scene.object("cup-1").expect("there is a cup");
+    let kind = scene.kind_of(cup);
+    let front = kind.grasps.iter().find(|it| it.side == Side::Front).map(|it| it.hands);
+    let Some(Hands::One(in_object)) = front else { panic!("it has a grasp") };
+    let tool = start.object_pose(cup) * in_object;
+    let ways = [ToolWay { arm: 0, vias: vec![back(&tool, 0.1), tool, lifted(&tool, 0.06)] }];
+    let near = Around { touchable: vec![cup], ..Around::default() };
+    let nav = (&*map, &*flood);
+    let found = stand::to_reach(start, nav, &ways, &near, 1).unwrap_or_default();
+    line(
+        "places to reach a cup from",
+        measure(1, || drop(stand::to_reach(start, nav, &ways, &near, 1))),
+        "list",
+    );
+    let base = found.first().copied();
+    line(
+        "would the arm get there",
+        measure(1, || drop(reach::problem(start, base, &ways, &near, 1))),
+        "place",
+    );
+    let sink = start.surface_pose(scene.surface("sink_area").expect("there is one")).translation.vector;
+    line("places to see the sink from", measure(1, || drop(stand::to_see(start, nav, &sink, 1))), "list");
+    let fridge = scene.container("fridge").expect("there is one");
+    let open = || drop(stand::to_open(start, nav, (1, fridge, 1.6), 4, 1));
+    line("places to open the fridge from", measure(1, open), "list");
+    let island = Support::Surface(scene.surface("island_area").expect("there is one"));
+    let item = Item { kind, object: Some(cup) };
+    let free = || drop(free_poses(start, &item, island, &Wishes::default(), 1));
+    line("free places for a cup on the island", measure(1, free), "list");
 }

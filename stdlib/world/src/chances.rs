@@ -11,11 +11,10 @@ use vm::value::{Symbol, Value};
 
 use crate::motions::Trouble;
 use crate::natives::{
-    container, finite, map, motion, object, point, pose, pose_value, poses, raise, surface, symbol, world,
+    finite, map, motion, object, point, pose, pose_value, poses, raise, surface, symbol, world,
 };
 use crate::places::{self, Distance};
 use crate::rehearse::{moved, rehearse, seen};
-use crate::scene::{ContainerId, Surface};
 use crate::state::{State, Support};
 use crate::world::Motion;
 
@@ -24,9 +23,6 @@ natives! {
     "%places-to-put" [3 4] in ctx Look => places_to_put;
     "%first-that-works" [2] in ctx Look => first_that_works;
     "surface-size" [1] in ctx Look => surface_size;
-    "surfaces-in" [1] in ctx Look => surfaces_in;
-    "container-range" [1] in ctx Look => |ctx: &mut Ctx<'_>, args| { let it = world(ctx)?; let id = container(&it.state, &args[0])?; Ok(Value::float(it.state.setting.container(id).open).into()) };
-    "container-of" [1] in ctx Look => container_of;
     "points-seen" [2] in ctx Look => points_seen;
 }
 
@@ -49,7 +45,7 @@ fn places_to_stand(ctx: &mut Ctx<'_>, args: &[Value]) -> Result<Next, Raise> {
     let goal = point(&args[0])?.xy();
     let distance =
         Distance { least_m: finite(&args[1])?, best_m: finite(&args[2])?, most_m: finite(&args[3])? };
-    let (count, seed) = (count(&args[4])?, ctx.seed());
+    let (count, seed) = (count(&args[4])?, ctx.key());
     let it = world(ctx)?;
     let found = places::to_stand(&it.state, it.maps(), goal, distance, seed, count);
     answer(ctx, found.map(|places| places.iter().map(|place| pose_value(place.pose())).collect()))
@@ -57,7 +53,7 @@ fn places_to_stand(ctx: &mut Ctx<'_>, args: &[Value]) -> Result<Next, Raise> {
 
 /// `(%places-to-put object place count near)`
 fn places_to_put(ctx: &mut Ctx<'_>, args: &[Value]) -> Result<Next, Raise> {
-    let (count, seed) = (count(&args[2])?, ctx.seed());
+    let (count, seed) = (count(&args[2])?, ctx.key());
     let near = args.get(3).filter(|it| !it.is_nil()).map(point).transpose()?.map(|it| it.xy());
     let it = world(ctx)?;
     let thing = object(&it.state, &args[0])?;
@@ -155,32 +151,4 @@ fn surface_size(ctx: &mut Ctx<'_>, args: &[Value]) -> Result<Next, Raise> {
     let it = world(ctx)?;
     let size = it.state.setting.scene.surfaces[surface(&it.state, &args[0])?.0].size;
     Ok(Value::list(size.map(Value::float)).into())
-}
-
-fn surfaces_in(ctx: &mut Ctx<'_>, args: &[Value]) -> Result<Next, Raise> {
-    let it = world(ctx)?;
-    let container = container(&it.state, &args[0])?;
-    let surfaces = it.state.setting.scene.surfaces.iter();
-    let there = surfaces.filter(|surface| holder(surface) == Some(container));
-    Ok(Value::list(there.map(|surface| symbol(&surface.name)).collect::<Vec<_>>()).into())
-}
-
-/// Drawers move their floors, doors shut them in.
-fn holder(surface: &Surface) -> Option<ContainerId> {
-    surface.inside.or(surface.moves_with)
-}
-
-fn container_of(ctx: &mut Ctx<'_>, args: &[Value]) -> Result<Next, Raise> {
-    let it = world(ctx)?;
-    let on = match support(&it.state, &args[0])? {
-        // Where it was seen: the robot does not know where else it may be.
-        Support::Object(object) if it.belief.seen.contains_key(&object) => it.state.ground_of(object),
-        other => other,
-    };
-    let scene = &it.state.setting.scene;
-    let found = match on {
-        Support::Surface(surface) => holder(&scene.surfaces[surface.0]),
-        _ => None,
-    };
-    Ok(found.map_or(Value::NIL, |id| symbol(&scene.containers[id.0].name)).into())
 }

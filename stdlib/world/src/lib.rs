@@ -5,7 +5,7 @@
 //! `a_in_b` turns coordinates of `a` into coordinates of `b`.
 //!
 //! [`shape`] says what bodies look like, [`robot`] how machines of several bodies move,
-//! [`nav`] where they can drive, [`sight`] what their cameras see.
+//! [`nav`] where they can drive, [`sight`] what their cameras see, [`search`] what could be done.
 //!
 //! Invariants
 //! 1. The same calls give the same bits on every machine: transcendental functions come from
@@ -26,6 +26,7 @@ pub mod read_robot;
 pub mod rehearse;
 pub mod robot;
 pub mod scene;
+pub mod search;
 pub mod setting;
 pub mod shape;
 pub mod sight;

@@ -14,7 +14,6 @@ use vm::value::{Map, Obj, Symbol, Value};
 
 use crate::belief::Sight;
 use crate::motions::hand::Target;
-use crate::motions::tool::ToolWay;
 use crate::motions::{Field, Trouble};
 use crate::nav::Place;
 use crate::read::Mistake;
@@ -25,6 +24,8 @@ use crate::scene::grasp::{back, lifted};
 use crate::scene::{ContainerId, Hands, ObjectId, Scene, SurfaceId};
 use crate::state::{Around, Grip, State, Support};
 use crate::world::{Ended, Motion, Wanted, World};
+
+mod search;
 
 natives! {
     "%checked-scene" [1] => checked_scene;
@@ -52,16 +53,32 @@ natives! {
     "where-is" [1] in ctx Look => where_is;
     "objects-on" [1] in ctx Look => objects_on;
     "held-by" [1] in ctx Look => held_by;
-    "surface-pose" [1] in ctx Look => |ctx: &mut Ctx<'_>, args| { let it = world(ctx)?; pose_next(it.state.surface_pose(surface(&it.state, &args[0])?)) };
+    "surface-pose" [1] in ctx Look => |ctx: &mut Ctx<'_>, args| { let it = world(ctx)?; pose_next(search::plane(&it.state, search::support(&it.state, &args[0])?)) };
     "surfaces" [0] in ctx Look => |ctx: &mut Ctx<'_>, _args| Ok(names(world(ctx)?.state.setting.scene.surfaces.iter().map(|it| it.name.as_str())).into());
     "containers" [0] in ctx Look => |ctx: &mut Ctx<'_>, _args| Ok(names(world(ctx)?.state.setting.scene.containers.iter().map(|it| it.name.as_str())).into());
     "container-position" [1] in ctx Look => |ctx: &mut Ctx<'_>, args| { let it = world(ctx)?; Ok(Value::float(it.state.opening(container(&it.state, &args[0])?)).into()) };
     "container-open?" [1] in ctx Look => |ctx: &mut Ctx<'_>, args| { let it = world(ctx)?; Ok(Value::bool(it.state.opening(container(&it.state, &args[0])?) > 0.0).into()) };
     "believed-open?" [1] in ctx Look => |ctx: &mut Ctx<'_>, args| { let it = world(ctx)?; Ok(Value::bool(it.belief.open.contains_key(&container(&it.state, &args[0])?)).into()) };
     "height-above-ground" [1] in ctx Look => height_above_ground;
-    "grasps" [2] in ctx Look => grasps;
+    "grasps" [1 2] in ctx Look => grasps;
     "handle-ways" [1 3] in ctx Look => handle_ways;
     "tool-to-put" [2] in ctx Look => tool_to_put;
+    "visible?" [1] in ctx Look => search::visible;
+    "stands-at?" [2] in ctx Look => search::stands_at;
+    "container-of" [1] in ctx Look => search::container_of;
+    "surfaces-of" [1] in ctx Look => search::surfaces_of;
+    "container-range" [1] in ctx Look => search::container_range;
+    "believed-place" [1] in ctx Look => search::believed_place;
+    "frame-pose" [1] in ctx Look => search::frame_pose;
+    "handle-poses" [1 3] in ctx Look => search::handle_poses;
+    "way-length" [1] in ctx Look => search::way_length;
+    "%reach-problem" [3] in ctx Look => search::reach_problem;
+    "%container-problem" [4] in ctx Look => search::container_problem;
+    "%base-to-reach" [2] in ctx Look => search::base_to_reach;
+    "%base-to-see" [1] in ctx Look => search::base_to_see;
+    "%base-to-open" [4] in ctx Look => search::base_to_open;
+    "%free-poses" [5] in ctx Look => search::free;
+    "object-types" [0] in ctx Look => |ctx: &mut Ctx<'_>, _args| Ok(names(world(ctx)?.state.setting.scene.kinds.iter().map(|it| it.name.as_str())).into());
     "motion-costs" [0] in ctx Look => costs;
     "world-version" [0] in ctx Look => |ctx: &mut Ctx<'_>, _args| Ok(Value::int(world(ctx)?.state.version as i64).into());
 }
@@ -227,13 +244,20 @@ fn put_object(ctx: &mut Ctx<'_>, args: &[Value]) -> Result<Next, Raise> {
     let it = world(ctx)?;
     let object = object(&it.state, &args[0])?;
     let (support, on_world) = match args[1].obj() {
-        Some(Obj::Pose(_)) => (Support::Floor, pose(&args[1])?),
+        Some(Obj::Pose(_)) => {
+            let at = pose(&args[1])?;
+            let mut there = it.state.clone();
+            there.put(object, Support::Floor, &at);
+            let below = crate::motions::hand::below(&there, object);
+            let stands_on = below.filter(|(_, gap_m)| gap_m.abs() <= crate::search::place::ON_M);
+            (stands_on.map_or(Support::Floor, |(support, _)| support), at)
+        }
         _ => {
-            let surface = surface(&it.state, &args[1])?;
+            let support = search::support(&it.state, &args[1])?;
             let given = |at: usize| args.get(at).map_or(Ok(0.0), finite);
             let height = it.state.setting.scene.kind_of(object).height_above_ground_m();
             let there = crate::scene::upright(Vector3::new(given(2)?, given(3)?, height), given(4)?);
-            (Support::Surface(surface), it.state.surface_pose(surface) * there)
+            (support, search::plane(&it.state, support) * there)
         }
     };
     let mut after = it.state.clone();
@@ -277,14 +301,7 @@ pub(crate) fn motion(state: &State, kind: &str, args: &[Value]) -> Result<Motion
             };
             Motion::MovingArmJoints(pairs.iter().map(pair).collect::<Result<_, Raise>>()?)
         }
-        "moving-tcp" => {
-            let pair = |pair: &Value| match list(pair)?.as_slice() {
-                [arm_name, vias] => Ok(ToolWay { arm: arm(state, arm_name)?, vias: poses(vias)? }),
-                _ => Err(type_error("a list of arm and poses", pair)),
-            };
-            let ways = list(&given(0))?.iter().map(pair).collect::<Result<Vec<_>, Raise>>()?;
-            Motion::MovingTcp(ways, around(state, &given(1))?)
-        }
+        "moving-tcp" => Motion::MovingTcp(search::ways(state, &given(0))?, around(state, &given(1))?),
         "gripping" => Motion::Gripping(arms(state, &given(0))?, target(state, &given(1))?),
         "releasing" => Motion::Releasing(arms(state, &given(0))?),
         "moving-container" => {
@@ -450,11 +467,15 @@ fn joint_position(ctx: &mut Ctx<'_>, args: &[Value]) -> Result<Next, Raise> {
 fn believed_pose(ctx: &mut Ctx<'_>, args: &[Value]) -> Result<Next, Raise> {
     let it = world(ctx)?;
     let object = object(&it.state, &args[0])?;
-    // What a hand holds is where the hand is; the robot feels that.
-    if matches!(it.state.ground_of(object), Support::Hand(_)) {
-        return pose_next(it.state.object_pose(object));
+    Ok(believed(it, object).map_or(Value::NIL, pose_value).into())
+}
+
+/// What a hand holds is where the hand is; the robot feels that.
+fn believed(it: &World, object: ObjectId) -> Option<Isometry3<f64>> {
+    match it.state.ground_of(object) {
+        Support::Hand(_) => Some(it.state.object_pose(object)),
+        _ => it.belief.seen.get(&object).map(|sight| sight.pose),
     }
-    Ok(it.belief.seen.get(&object).map_or(Value::NIL, |sight| pose_value(sight.pose)).into())
 }
 
 fn seen_at(ctx: &mut Ctx<'_>, args: &[Value]) -> Result<Next, Raise> {
@@ -509,7 +530,17 @@ fn height_above_ground(ctx: &mut Ctx<'_>, args: &[Value]) -> Result<Next, Raise>
 fn grasps(ctx: &mut Ctx<'_>, args: &[Value]) -> Result<Next, Raise> {
     let it = world(ctx)?;
     let object = object(&it.state, &args[0])?;
-    let at = pose(&args[1])?;
+    let at = match args.get(1).filter(|it| !it.is_nil()) {
+        Some(given) => pose(given)?,
+        None => match believed(it, object) {
+            Some(pose) => pose,
+            None => {
+                let name = &it.state.setting.scene.objects[object.0].name;
+                let message = format!("nobody knows where `{name}` is: it has not been seen; give a pose");
+                return Err(range_error(message, &args[0]));
+            }
+        },
+    };
     let all = it.state.setting.scene.kind_of(object).grasps.iter().map(|grasp| {
         let ways = |tool: &Isometry3<f64>| {
             let tool = at * tool;

@@ -10,7 +10,9 @@
 //! 2. A version is given out once in the life of a world: a state that comes back keeps its number.
 
 use std::any::Any;
+use std::cell::RefCell;
 use std::collections::BTreeMap;
+use std::rc::Rc;
 use std::sync::Arc;
 
 use nalgebra::{Isometry3, Vector3};
@@ -20,7 +22,7 @@ use crate::motions::base::Maps;
 use crate::motions::hand::Target;
 use crate::motions::tool::ToolWay;
 use crate::motions::{self, Costs, Draws, Event, Outcome, Part, Surroundings, Trouble};
-use crate::nav::Place;
+use crate::nav::{Flood, Map, Place};
 use crate::scene::{ContainerId, ObjectId, Scene};
 use crate::setting::{Machine, Setting};
 use crate::state::{Around, State, Support};
@@ -80,6 +82,9 @@ pub enum Ended {
     Failed(Trouble),
 }
 
+/// The last search of the floor: candidates of one version ask it again and again, also in forks.
+type LastFlood = Rc<RefCell<Option<(Arc<Map>, Place, Rc<Flood>)>>>;
+
 /// The world of a run.
 pub struct World {
     /// The truth.
@@ -89,6 +94,7 @@ pub struct World {
     /// What its motions have cost.
     pub costs: Costs,
     maps: Maps,
+    flood: LastFlood,
     running: BTreeMap<u64, Running>,
     ended: BTreeMap<u64, Ended>,
     kept: Vec<(State, Belief, Costs)>,
@@ -107,7 +113,7 @@ impl vm::world::World for World {
     fn fork(&self) -> Box<dyn vm::world::World> {
         let mut fork = World::new(self.state.clone());
         (fork.belief, fork.costs, fork.last_version) = (self.belief.clone(), self.costs, self.last_version);
-        fork.maps = self.maps.clone();
+        (fork.maps, fork.flood) = (self.maps.clone(), Rc::clone(&self.flood));
         Box::new(fork)
     }
 
@@ -129,6 +135,7 @@ impl World {
             belief: Belief::default(),
             costs: Costs::default(),
             maps: Maps::default(),
+            flood: LastFlood::default(),
             running: BTreeMap::new(),
             ended: BTreeMap::new(),
             kept: Vec::new(),
@@ -187,6 +194,28 @@ impl World {
     pub fn changed(&mut self) {
         self.last_version += 1;
         self.state.version = self.last_version;
+    }
+
+    /// The floor as it is, and how far everything is from where the base stands.
+    ///
+    /// # Errors
+    /// There is no robot, or it stands where it cannot.
+    pub fn ground(&self) -> Result<(Arc<Map>, Rc<Flood>), Trouble> {
+        let machine = motions::machine(&self.state)?;
+        let (map, start) = (self.maps.of(&self.state), Place::of_pose(&self.state.base));
+        let mut last = self.flood.borrow_mut();
+        if let Some((other, from, flood)) = &*last
+            && Arc::ptr_eq(other, &map)
+            && *from == start
+            && flood.drive_kind() == machine.limbs.drive
+        {
+            return Ok((map, Rc::clone(flood)));
+        }
+        let flood = Flood::new(&map, start, machine.limbs.drive)
+            .map_err(|why| Trouble::new("base-goal-unreachable", why.to_string()))?;
+        let flood = Rc::new(flood);
+        *last = Some((Arc::clone(&map), start, Rc::clone(&flood)));
+        Ok((map, flood))
     }
 
     // ------------------------------------------------------------------ to try and go back

@@ -19,10 +19,11 @@ use crate::failure::{Builtin, Failure};
 use crate::host::Host;
 use crate::native::{Raise, type_error};
 use crate::path::Path;
+use crate::rules::Ask;
 use crate::tree::{
     ATTEMPTED, CHANGED, COUNTED, DRIVEN, MOVED, NodeKind, RecId, Record, SlotId, Status, Tree, Why,
 };
-use crate::value::{Imm, Obj, Value};
+use crate::value::{Imm, Obj, Symbol, Value};
 
 use super::call::Slow;
 use super::edited::Edited;
@@ -189,6 +190,8 @@ impl Machine {
     ) -> Slow {
         let Some(it) = desc.as_desc() else { return Err(type_error("a description to perform", &desc)) };
         let name = it.entity_type().unwrap_or(it.kind);
+        let own = it.get(Symbol::from("goal")).filter(|goal| goal.as_pair().is_some());
+        let goal = goal.or_else(|| own.cloned());
         let slot = self.slot_of_call(site, name);
         let run = self.top();
         let parent = run.record(run.here);
@@ -491,8 +494,14 @@ impl Machine {
         Ok(None)
     }
 
-    fn ask_goal(&mut self, host: &mut dyn Host, goal: &Value) -> Slow {
-        self.call_value(host, 0, SiteId(0), goal, Vec::new())
+    /// Whether a goal is reached: a function says that, or, for the property of an action, rules.
+    pub(super) fn ask_goal(&mut self, host: &mut dyn Host, goal: &Value) -> Slow {
+        match self.program.rules.goal {
+            Some(predicate) if goal.is_list() => {
+                self.ask(0, predicate, std::slice::from_ref(goal), Ask::Whether)
+            }
+            _ => self.call_value(host, 0, SiteId(0), goal, Vec::new()),
+        }
     }
 
     fn goal_not_reached(&self, rec: RecId) -> Raise {

@@ -682,10 +682,12 @@ impl<'a> Ctx<'a> {
         *n += 1;
         number
     }
-    /// The seed of the run: for what shall be the same at each call.
+    /// A key for this place in the plan and this seed, the same in each attempt: for what is a function of
+    /// what is asked, and no draw.
     #[must_use]
-    pub fn seed(&self) -> u64 {
-        self.parts.seed
+    pub fn key(&self) -> u64 {
+        let slot = self.parts.tree.record(self.parts.rec).slot;
+        crate::random::draw(self.parts.seed, self.parts.tree.slot(slot).hash, 0, 0)
     }
     /// A number that no other call gets.
     pub fn number(&mut self) -> u64 {

@@ -41,6 +41,9 @@ use view::TreeView;
 /// The name of the predicate that says which plan performs an action.
 pub const GROUNDING: &str = "action-grounding";
 
+/// The name of the predicate that says whether the goal of an action holds, a list.
+const GOAL: &str = "%goal-holds";
+
 /// Four megabytes: most queries end before.
 const COLLECT_FROM: usize = (4 << 20) / size_of::<Cell>();
 
@@ -64,6 +67,8 @@ pub struct Rules {
     pub templates: Vec<Keys>,
     /// The predicate that says which plan performs an action, if a module declares it.
     pub grounding: Option<PredId>,
+    /// The predicate that says whether a goal holds that is data.
+    pub(crate) goal: Option<PredId>,
     /// Cells that a query may have before it looks for garbage. Tests make it small.
     pub collect_from: usize,
     /// The predicates that look tasks up below another one: directly, and anywhere.
@@ -86,6 +91,7 @@ impl Default for Rules {
             cells: Vec::new(),
             templates: Vec::new(),
             grounding: None,
+            goal: None,
             collect_from: COLLECT_FROM,
             look_ups: [None; 2],
             constant_index: rustc_hash::FxHashMap::default(),
@@ -173,6 +179,9 @@ impl Rules {
         let it = &self.predicates[id.at()].declared;
         if it.name == GROUNDING && it.arity == 2 && self.grounding.is_none() {
             self.grounding = Some(id);
+        }
+        if it.name == GOAL && it.arity == 2 && self.goal.is_none() {
+            self.goal = Some(id);
         }
         match (it.name.as_str(), it.arity, it.kind) {
             ("subtask-with", 4, Kind::Native) => self.look_ups[0] = Some(id),

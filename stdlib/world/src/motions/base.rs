@@ -25,7 +25,9 @@ const MOST_ERROR: f64 = 3.0;
 /// Maps of the states that were asked last. As long as only the base moves, one holds; where only doors and
 /// objects are elsewhere, what never moves is not computed again. Forks of a world share them.
 #[derive(Clone, Default)]
-pub struct Maps(Rc<RefCell<Vec<(State, Arc<Map>)>>>);
+pub struct Maps(Rc<RefCell<Vec<KnownMap>>>);
+
+type KnownMap = (State, Arc<Map>);
 
 /// Outlines for which maps are kept: with parked arms, and with this or that in the hands.
 const KEPT: usize = 4;

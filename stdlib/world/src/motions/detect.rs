@@ -24,6 +24,14 @@ pub fn detecting(
     Outcome::of(detect(state, wanted, what, now_s, draws), vec![Part::Head])
 }
 
+/// True if the camera, as the head is turned now, has enough of an object in its image.
+#[must_use]
+pub fn is_visible(state: &State, object: ObjectId) -> bool {
+    let Some(head) = state.machine().and_then(|machine| machine.limbs.head.as_ref()) else { return false };
+    let camera = state.links().get(head.camera.index()).copied().unwrap_or_default();
+    View::new(state).sight(object, &camera).visible >= MODEL.visible_share
+}
+
 fn detect(
     state: &State,
     wanted: &dyn Fn(ObjectId) -> bool,

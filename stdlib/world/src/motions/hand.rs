@@ -245,7 +245,7 @@ fn has_room(state: &State, object: ObjectId) -> Result<(), Trouble> {
 }
 
 /// What is below the lowest point in the middle of an object, and how far.
-pub(super) fn below(state: &State, object: ObjectId) -> Option<(Support, f64)> {
+pub(crate) fn below(state: &State, object: ObjectId) -> Option<(Support, f64)> {
     const REACH_M: f64 = 0.1;
     let pose = state.object_pose(object);
     let kind = state.setting.scene.kind_of(object);

@@ -96,6 +96,12 @@ impl Flood {
         self.start
     }
 
+    /// How the base moves.
+    #[must_use]
+    pub fn drive_kind(&self) -> DriveKind {
+        self.drive
+    }
+
     /// How a place is reached. `map`: the one that the search ran through.
     ///
     /// # Errors
@@ -123,6 +129,22 @@ impl Flood {
         let cost_m = f64::from(cost) / f64::from(BUCKET) * map.grid().cell_m;
         let length_m = self.length_m(map, node) + links[link].length_m;
         Ok((Reach { length_m, cost_m, node, link }, links))
+    }
+
+    /// What the way to a place costs, metres; `None` if it is not reached. Nobody is to blame, which
+    /// would take long to find out.
+    #[must_use]
+    pub fn cost_m(&self, map: &Map, goal: Place) -> Option<f64> {
+        if check_inside(map, goal).is_err() || map.blocker(&goal).is_some() {
+            return None;
+        }
+        let links = links(map, goal, self.drive);
+        let cost = links.iter().filter_map(|link| Some((*self.costs.get(link.node)?, link_cost(map, link))));
+        let cost = cost
+            .filter(|(cost, _)| *cost != UNREACHED)
+            .map(|(cost, link)| cost.saturating_add(link))
+            .min()?;
+        Some(f64::from(cost) / f64::from(BUCKET) * map.grid().cell_m)
     }
 
     /// True if a base at some heading gets to the centre of a cell.

@@ -7,6 +7,7 @@ mod kitchen;
 mod motions;
 mod nav;
 mod path;
+mod search;
 mod sight;
 mod text;
 mod urdf;

@@ -192,7 +192,7 @@ impl Machine {
                 let goal = goals[n].1.clone();
                 discharge.stage = Stage::Goal(n);
                 self.top().drivers.push(Driver::Discharge(discharge));
-                self.call_value(host, 0, SiteId(0), &goal, Vec::new())
+                self.ask_goal(host, &goal)
             }
             None => self.end_discharge(host, *discharge),
         }
