@@ -23,8 +23,8 @@ const APART_M: f64 = 0.12;
 const APART_RAD: f64 = 0.3;
 /// The width of the ring of good distances, metres.
 const RING_M: f64 = 0.12;
-/// A place that is so much farther away from the robot is half as good, metres.
-const FAR_M: f64 = 3.0;
+/// A place is half as good if the way there is so much longer, metres.
+const FAR_M: f64 = 0.7;
 /// Headings off the line to the goal that are tried, in the order of a draw: a hand does not sit in the middle.
 const ASIDE_RAD: [f64; 5] = [0.0, 0.35, -0.35, 0.7, -0.7];
 /// Cells of surfaces, metres.
@@ -63,8 +63,7 @@ pub fn to_stand(
     let drive = machine(state)?.limbs.drive;
     let state = &state.parked();
     let map = maps.of(state);
-    let start = Place::of_pose(&state.base);
-    let flood = Flood::new(&map, start, drive).map_err(|why| {
+    let flood = Flood::new(&map, Place::of_pose(&state.base), drive).map_err(|why| {
         Trouble::new("base-goal-unreachable", format!("the base is stuck where it stands: {why}"))
             .pose("goal", state.base)
     })?;
@@ -72,10 +71,7 @@ pub fn to_stand(
         .range(goal, distance.least_m, distance.most_m)
         .free(&map)
         .gaussian(goal, distance.best_m, RING_M)
-        .times(|cell, at| {
-            let near = libm::exp2(-(at - start.point()).norm() / FAR_M);
-            if flood.reaches_cell(&map, cell) { near } else { 0.0 }
-        });
+        .times(|cell, _| flood.cell_cost_m(&map, cell).map_or(0.0, |metres| libm::exp2(-metres / FAR_M)));
     let mut found: Vec<Place> = Vec::new();
     for (k, at) in costmap.samples(seed).enumerate() {
         if found.len() == count {

@@ -153,6 +153,16 @@ impl Flood {
         cell < map.grid().len() && map.nodes.of_cell(cell).any(|node| self.is_reached(node))
     }
 
+    /// What the way to the middle of a cell costs, metres, at the heading that is reached most easily.
+    #[must_use]
+    pub fn cell_cost_m(&self, map: &Map, cell: usize) -> Option<f64> {
+        if cell >= map.grid().len() {
+            return None;
+        }
+        let costs = map.nodes.of_cell(cell).map(|node| self.costs[node]).filter(|cost| *cost != UNREACHED);
+        Some(f64::from(costs.min()?) / f64::from(BUCKET) * map.grid().cell_m)
+    }
+
     /// The reached place nearest to a point in a straight line: the centre of a cell.
     #[must_use]
     pub fn nearest(&self, map: &Map, point: Vector2<f64>) -> Option<Vector2<f64>> {
