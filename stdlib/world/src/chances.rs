@@ -22,6 +22,7 @@ natives! {
     "%places-to-stand" [5] in ctx Look => places_to_stand;
     "%places-to-put" [3 4] in ctx Look => places_to_put;
     "%first-that-works" [2] in ctx Look => first_that_works;
+    "torso-range" [0] in ctx Look => |ctx: &mut Ctx<'_>, _args| torso_range(ctx);
     "surface-size" [1] in ctx Look => surface_size;
     "points-seen" [2] in ctx Look => points_seen;
 }
@@ -151,4 +152,14 @@ fn surface_size(ctx: &mut Ctx<'_>, args: &[Value]) -> Result<Next, Raise> {
     let it = world(ctx)?;
     let size = it.state.setting.scene.surfaces[surface(&it.state, &args[0])?.0].size;
     Ok(Value::list(size.map(Value::float)).into())
+}
+
+fn torso_range(ctx: &mut Ctx<'_>) -> Result<Next, Raise> {
+    let state = &world(ctx)?.state;
+    let Some((machine, torso)) = state.machine().and_then(|it| Some((it, it.limbs.torso?))) else {
+        return Ok(Value::NIL.into());
+    };
+    let at = state.joints.get(torso.index()).copied().unwrap_or_default();
+    let (low, high) = machine.robot.variables()[torso.index()].limits.unwrap_or((at, at));
+    Ok(Value::list([low, high, at].map(Value::float)).into())
 }

@@ -30,7 +30,7 @@ const ASIDE_RAD: [f64; 5] = [0.0, 0.35, -0.35, 0.7, -0.7];
 /// Cells of surfaces, metres.
 const SPOT_M: f64 = 0.025;
 /// Room for fingers around what is put down, metres.
-const FINGERS_M: f64 = 0.04;
+const FINGERS_M: f64 = 0.03;
 /// How far in front of the base the best place for putting is.
 const REACH_M: f64 = 0.6;
 /// How far off the edge the outline of a thing stays, metres.
@@ -137,7 +137,7 @@ pub fn to_put(
         }
         let there = world_point(&frame, at);
         let towards = reachable.nearest(&there).map(|(from, _)| there - from);
-        let yaw = yaw_for(believed, object, towards, unit(seed, k as u64));
+        let yaw = yaw_for(believed, object, &frame, towards, unit(seed, k as u64));
         let pose = upright(Vector3::new(there.x, there.y, frame.translation.z + height), yaw);
         let in_region = into_region * pose;
         let Some(outline) = shadow(believed, object, &in_region) else { continue };
@@ -205,7 +205,13 @@ impl Standing {
 }
 
 /// How an object is turned when it is put down by a robot that looks `towards` a place: as it is in the hand.
-fn yaw_for(state: &State, object: ObjectId, towards: Option<Vector2<f64>>, draw: f64) -> f64 {
+fn yaw_for(
+    state: &State,
+    object: ObjectId,
+    frame: &Isometry3<f64>,
+    towards: Option<Vector2<f64>>,
+    draw: f64,
+) -> f64 {
     let ahead = towards.map_or(0.0, |it| libm::atan2(it.y, it.x));
     let tool_of = |arm: &usize| match state.hands.get(arm) {
         Some(Grip::Object(_, in_tool)) => Some(in_tool.inverse()),
@@ -214,10 +220,12 @@ fn yaw_for(state: &State, object: ObjectId, towards: Option<Vector2<f64>>, draw:
     let tools: Vec<Isometry3<f64>> = state.holders(object).iter().filter_map(tool_of).collect();
     let in_object = match tools.as_slice() {
         [] => return ahead,
-        // Between two hands it looks ahead: its left hand is the first.
+        // Between two hands it looks ahead: its left hand is the first. Large things stand along the edges.
         [left, right, ..] => {
             let across = left.translation.vector - right.translation.vector;
-            Vector2::new(across.y, -across.x)
+            let straight = Place::of_pose(frame).yaw;
+            let turns = libm::round((ahead - straight) / std::f64::consts::FRAC_PI_2);
+            return straight + turns * std::f64::consts::FRAC_PI_2 - libm::atan2(-across.x, across.y);
         }
         [tool] => (tool.rotation * Vector3::x()).xy(),
     };
