@@ -11,7 +11,7 @@ use vm::value::{Symbol, Value};
 
 use crate::motions::Trouble;
 use crate::natives::{
-    finite, map, motion, object, point, pose, pose_value, poses, raise, surface, symbol, world,
+    container, finite, map, motion, object, point, pose, pose_value, poses, raise, surface, symbol, world,
 };
 use crate::places::{self, Distance};
 use crate::rehearse::{moved, rehearse, seen};
@@ -23,6 +23,7 @@ natives! {
     "%places-to-put" [3 4] in ctx Look => places_to_put;
     "%first-that-works" [2] in ctx Look => first_that_works;
     "torso-range" [0] in ctx Look => |ctx: &mut Ctx<'_>, _args| torso_range(ctx);
+    "drawer?" [1] in ctx Look => |ctx: &mut Ctx<'_>, args| { let it = world(ctx)?; let id = container(&it.state, &args[0])?; Ok(Value::bool(!it.state.setting.container(id).joint.turns()).into()) };
     "surface-size" [1] in ctx Look => surface_size;
     "points-seen" [2] in ctx Look => points_seen;
 }
