@@ -97,7 +97,7 @@ fn first_that_works(ctx: &mut Ctx<'_>, args: &[Value]) -> Result<Next, Raise> {
     for (number, base) in bases.iter().enumerate() {
         let there = moved(&believed, base);
         for (way, motions) in alternatives.iter().enumerate() {
-            match rehearse(&there, it.maps(), motions, now_ns) {
+            match rehearse(&there, (&it.state, it.maps()), motions, now_ns) {
                 Ok(()) => {
                     let found = [("place", number), ("way", way)];
                     return Ok(map(found.map(|(key, number)| (key, Value::int(number as i64)))).into());

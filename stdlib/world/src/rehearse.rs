@@ -26,7 +26,12 @@ pub fn moved(state: &State, base: &Isometry3<f64>) -> State {
 ///
 /// # Errors
 /// The first failure.
-pub fn rehearse(state: &State, maps: &Maps, motions: &[Motion], now_ns: u64) -> Result<(), Trouble> {
+pub fn rehearse(
+    state: &State,
+    (truth, maps): (&State, &Maps),
+    motions: &[Motion],
+    now_ns: u64,
+) -> Result<(), Trouble> {
     within_reach(state, motions)?;
     let mut world = World::new(state.clone());
     let mut now_ns = now_ns;
@@ -38,11 +43,18 @@ pub fn rehearse(state: &State, maps: &Maps, motions: &[Motion], now_ns: u64) -> 
             return Err(trouble);
         }
     }
-    can_drive_off(&world.state, maps)
+    can_drive_off(world.state, truth, maps)
 }
 
-/// With its arms as they are then, and with what they hold, the base must touch nothing where it stands.
-fn can_drive_off(state: &State, maps: &Maps) -> Result<(), Trouble> {
+/// With its arms as they are then, and with what they hold, the base must touch nothing where it stands. What is in
+/// its way it sees, as it does when it drives: objects that it has not looked at stand there all the same.
+fn can_drive_off(mut state: State, truth: &State, maps: &Maps) -> Result<(), Trouble> {
+    for (object, place) in &truth.objects {
+        if !state.objects.contains_key(object) {
+            state.objects.insert(*object, *place);
+        }
+    }
+    let state = &state;
     let map = maps.of(state);
     let Some(blocker) = map.blocker(&Place::of_pose(&state.base)) else { return Ok(()) };
     let by = blocker_name(state, &blocker);

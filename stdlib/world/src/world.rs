@@ -339,7 +339,7 @@ impl World {
     }
 
     fn learn(&mut self, outcome: &Outcome, before: &State, now_ns: u64) {
-        for (object, sight) in &outcome.seen {
+        for (object, sight) in outcome.seen.iter().chain(&outcome.noticed) {
             self.belief.seen.insert(*object, *sight);
         }
         if let Some((container, position)) = outcome.opened {

@@ -45,24 +45,23 @@ fn detect(
     };
     let camera = state.links().get(head.camera.index()).copied().unwrap_or_default();
     let view = View::new(state);
-    let (mut seen, mut hidden_by) = (Vec::new(), Vec::new());
+    let (mut seen, mut noticed, mut hidden_by) = (Vec::new(), Vec::new(), Vec::new());
     for object in state.objects.keys().copied() {
         // Drawn for each object, seen or not: what one sees does not change the errors of the others.
         let at =
             Vector3::new(draws.normal(MODEL.seen_m), draws.normal(MODEL.seen_m), draws.normal(MODEL.seen_m));
         let yaw = draws.normal(MODEL.seen_rad);
-        if !wanted(object) {
-            continue;
-        }
         let sight = view.sight(object, &camera);
         if sight.visible < MODEL.visible_share {
-            hidden_by.extend(view.hides(&sight).map(String::from));
+            hidden_by.extend(view.hides(&sight).filter(|_| wanted(object)).map(String::from));
             continue;
         }
         let pose = state.object_pose(object);
         let mut off = pose;
         off.rotation = turn(&Vector3::z_axis(), yaw) * pose.rotation;
-        seen.push((object, Sight { pose: Translation3::from(at) * off, at_s: now_s + MODEL.detect_s }));
+        let sight = Sight { pose: Translation3::from(at) * off, at_s: now_s + MODEL.detect_s };
+        let list = if wanted(object) { &mut seen } else { &mut noticed };
+        list.push((object, sight));
     }
     if seen.is_empty() {
         hidden_by.sort();
@@ -74,5 +73,5 @@ fn detect(
         let trouble = Trouble::new("object-not-found", format!("no {what} is in sight{hint}"));
         return Err(trouble.name("what", what).names("hidden-by", hidden_by));
     }
-    Ok(Outcome { duration_s: MODEL.detect_s, seen, ..Outcome::default() })
+    Ok(Outcome { duration_s: MODEL.detect_s, seen, noticed, ..Outcome::default() })
 }

@@ -50,6 +50,8 @@ pub struct Outcome {
     pub trouble: Option<Trouble>,
     /// What the robot sees.
     pub seen: Vec<(ObjectId, Sight)>,
+    /// What else is in the image: not asked for, and known from now on.
+    pub noticed: Vec<(ObjectId, Sight)>,
     /// What the robot believes to have opened or shut.
     pub opened: Option<(ContainerId, f64)>,
 }
