@@ -112,7 +112,7 @@ pub(crate) fn pose(value: &Value) -> Result<Isometry3<f64>, Raise> {
         Some(Obj::Pose(pose)) if pose.frame == "map" => Ok(pose.isometry),
         Some(Obj::Pose(pose)) => {
             let message = format!(
-                "the pose is in the frame `{}`; motions take poses in `map`, see `transform`",
+                "the pose is in the frame `{}`; motions take poses in `map`, see `in-map`",
                 pose.frame
             );
             Err(range_error(message, value))

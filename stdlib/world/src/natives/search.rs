@@ -270,6 +270,9 @@ pub(super) fn handle_poses(ctx: &mut Ctx<'_>, args: &[Value]) -> Result<Next, Ra
     let id = container(state, &args[0])?;
     let it = state.setting.container(id);
     let to = args.get(1).filter(|it| !it.is_nil()).map_or(Ok(it.open), finite)?;
+    if !(0.0..=it.open).contains(&to) {
+        return Err(range_error(format!("`{}` opens from 0 to {}, not to {to}", it.name, it.open), &args[1]));
+    }
     let steps = args.get(2).filter(|it| !it.is_nil()).map_or(Ok(6), index)?.clamp(1, MOST);
     let from = state.opening(id);
     let tool = |id: ContainerId, at: f64| state.setting.container_pose(id, at) * it.handle.tool;
