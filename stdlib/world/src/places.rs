@@ -160,6 +160,13 @@ fn world_point(frame: &Isometry3<f64>, at: Vector2<f64>) -> Vector2<f64> {
 /// The edges of what carries objects.
 fn region(state: &State, on: Support) -> Result<[f64; 2], Trouble> {
     let scene = &state.setting.scene;
+    if let Support::Object(object) = on
+        && !state.objects.contains_key(&object)
+    {
+        let name = state.support_name(on);
+        return Err(Trouble::new("no-room", format!("the robot does not know where `{name}` is"))
+            .name("place", name));
+    }
     let size = match on {
         Support::Surface(surface) => Some(scene.surfaces[surface.0].size),
         Support::Object(object) => scene.kind_of(object).carries.map(|tray| tray.size),
