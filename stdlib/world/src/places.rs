@@ -19,7 +19,7 @@ use crate::shape::PosedShape;
 use crate::state::{Grip, State, Support};
 
 /// Two places nearer to one another than this are one, metres and radians.
-const APART_M: f64 = 0.12;
+const APART_M: [f64; 2] = [0.12, 0.05];
 const APART_RAD: f64 = 0.3;
 /// The width of the ring of good distances, metres.
 const RING_M: f64 = 0.12;
@@ -73,16 +73,19 @@ pub fn to_stand(
         .gaussian(goal, distance.best_m, RING_M)
         .times(|cell, _| flood.cell_cost_m(&map, cell).map_or(0.0, |metres| libm::exp2(-metres / FAR_M)));
     let mut found: Vec<Place> = Vec::new();
-    for (k, at) in costmap.samples(seed).enumerate() {
-        if found.len() == count {
-            break;
-        }
-        let Some(place) = heading(&map, at, goal, unit(seed, k as u64)) else { continue };
-        let apart = |other: &Place| {
-            (other.point() - at).norm() >= APART_M || turn_between(other.yaw, place.yaw).abs() >= APART_RAD
-        };
-        if found.iter().all(apart) {
-            found.push(place);
+    // First here and there, then, if that was not enough, in between.
+    for apart_m in APART_M {
+        for (k, at) in costmap.samples(seed).enumerate() {
+            if found.len() == count {
+                return Ok(found);
+            }
+            let Some(place) = heading(&map, at, goal, unit(seed, k as u64)) else { continue };
+            let apart = |other: &Place| {
+                (other.point() - at).norm() >= apart_m || turn_between(other.yaw, place.yaw).abs() >= APART_RAD
+            };
+            if found.iter().all(apart) {
+                found.push(place);
+            }
         }
     }
     Ok(found)
