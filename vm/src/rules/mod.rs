@@ -5,6 +5,8 @@
 //! answer a call; [`gc`] takes away terms that nothing needs; [`tabling`] keeps what has been answered; [`native`] and [`tree`] are predicates that
 //! are written in Rust; [`why`] explains, with the clauses as text ([`show`]).
 
+mod call;
+mod choice;
 pub mod clause;
 mod collect;
 pub mod engine;
@@ -12,11 +14,13 @@ mod gc;
 pub mod index;
 mod live;
 pub mod lower;
+mod moves;
 pub mod native;
 pub mod nearest;
 pub mod op;
 pub mod plan;
 pub mod show;
+mod steps;
 pub mod store;
 pub mod stream;
 mod structure;

@@ -20,8 +20,9 @@ use crate::native::Raise;
 use crate::value::{Imm, Value};
 
 use super::Rules;
+use super::call::Frame;
 use super::clause::PredId;
-use super::engine::{Engine, Frame, too_large};
+use super::engine::{Engine, too_large};
 use super::index::hash_value;
 use super::live::Live;
 use super::store::{Cell, Outside, Shape, Store, TooLarge};
