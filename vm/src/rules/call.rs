@@ -159,14 +159,8 @@ impl Engine {
     }
 
     pub(super) fn take_fact(&mut self, facts: &Facts, row: u32, arity: u8) -> bool {
-        for i in 0..usize::from(arity) {
-            let arg = self.stack[self.base as usize + i];
-            // Large constants of a program are not too large.
-            if !self.store.unify(arg, facts.row(row)[i]).unwrap_or(false) {
-                return false;
-            }
-        }
-        self.proceed()
+        let args = &self.stack[self.base as usize..][..usize::from(arity)];
+        is_fact(&mut self.store, args, facts.row(row)) && self.proceed()
     }
 
     /// The registers that a clause needs from an instruction on.
@@ -267,4 +261,10 @@ pub(super) fn next_fact(store: &Store, facts: &Facts, rows: &mut FactRows, args:
     })?;
     rows.left.start = found;
     Some(found)
+}
+
+/// Makes the arguments of a call those of a fact, if that can be.
+pub(super) fn is_fact(store: &mut Store, args: &[Cell], fact: &[Cell]) -> bool {
+    // Large constants of a program are not too large.
+    args.iter().zip(fact).all(|(arg, cell)| store.unify(*arg, *cell).unwrap_or(false))
 }

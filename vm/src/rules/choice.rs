@@ -8,14 +8,14 @@ use std::rc::Rc;
 use crate::code::{Pc, Program};
 use crate::native::Raise;
 
-use super::call::next_fact;
+use super::call::{is_fact, next_fact};
 use super::clause::PredId;
 use super::collect::Groups;
 use super::engine::{Engine, too_large};
 use super::index::{FactRows, Facts};
 use super::native::{Alternatives, Call};
 use super::store::Mark;
-use super::tabling::Row;
+use super::tabling::Rows;
 
 /// What can be tried instead.
 pub(super) struct Choice {
@@ -48,7 +48,7 @@ pub(super) enum Alternative {
     /// More groups; the register of the first.
     Groups(u8, Box<Groups>),
     /// More answers of a table.
-    Answers(Rc<Vec<Row>>, u32),
+    Answers(Rc<Rows>, u32),
     /// Tables are being filled for this call.
     Leader,
     /// Nothing: `*->` has taken it away.
@@ -145,18 +145,20 @@ impl Engine {
                 }
                 Alternative::Facts(facts, rows) => {
                     let args = &self.stack[self.base as usize..][..usize::from(choice.args)];
-                    let arity = choice.args;
-                    let Some(row) = next_fact(&self.store, facts, rows, args) else {
+                    let Some(position) = next_fact(&self.store, facts, rows, args) else {
                         self.pop_choice();
                         continue;
                     };
-                    let (facts, first) = (facts.clone(), facts.at(rows, row));
-                    rows.left.start = row + 1;
-                    if next_fact(&self.store, &facts, rows, args).is_none() {
+                    let row = facts.at(rows, position);
+                    rows.left.start = position + 1;
+                    if next_fact(&self.store, facts, rows, args).is_none() {
+                        let (facts, arity) = (facts.clone(), choice.args);
                         self.pop_choice();
-                    }
-                    if self.take_fact(&facts, first, arity) {
-                        return Ok(true);
+                        if self.take_fact(&facts, row, arity) {
+                            return Ok(true);
+                        }
+                    } else if is_fact(&mut self.store, args, facts.row(row)) {
+                        return Ok(self.proceed());
                     }
                 }
                 Alternative::Plain(predicate) => {
@@ -193,15 +195,12 @@ impl Engine {
                     }
                 }
                 Alternative::Answers(answers, next) => {
-                    let Some(answer) = answers.get(*next as usize).cloned() else {
-                        self.pop_choice();
-                        continue;
-                    };
+                    let (at, rows) = (*next, answers.clone());
                     *next += 1;
-                    if *next as usize == answers.len() {
+                    if *next >= rows.count() {
                         self.pop_choice();
                     }
-                    if self.take_answer(&answer)? {
+                    if self.take_answer(rows.row(at))? {
                         return Ok(true);
                     }
                 }
@@ -217,8 +216,8 @@ impl Engine {
     }
 
     /// Goes through the answers of a table.
-    pub(super) fn answer_from(&mut self, answers: Rc<Vec<Row>>, arity: u8) {
-        if !answers.is_empty() {
+    pub(super) fn answer_from(&mut self, answers: Rc<Rows>, arity: u8) {
+        if answers.count() > 0 {
             self.push_choice(self.base.max(self.top), arity, Alternative::Answers(answers, 0));
         }
     }
@@ -229,7 +228,7 @@ impl Engine {
     }
 
     /// The tables of the newest choice are full: these are its answers.
-    pub(super) fn replace_leader(&mut self, answers: Rc<Vec<Row>>, arity: u8) {
+    pub(super) fn replace_leader(&mut self, answers: Rc<Rows>, arity: u8) {
         self.pop_choice();
         self.answer_from(answers, arity);
     }

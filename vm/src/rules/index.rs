@@ -84,7 +84,7 @@ impl Key {
 
 /// A number for a value without a heap part.
 #[inline(always)]
-fn hash_imm(imm: &Imm) -> u64 {
+pub(super) fn hash_imm(imm: &Imm) -> u64 {
     let mut hasher = FxHasher::default();
     match imm {
         Imm::Unset | Imm::Nil => hasher.write_u8(0),

@@ -7,7 +7,7 @@ use crate::code::{FnId, Program};
 use crate::print;
 use crate::value::{Imm, Obj, Symbol, Value};
 
-use super::clause::{Arith, Clause, Collect, Compare, Goal, GoalKind, Number, PredId, Term, VarNo};
+use super::clause::{Arith, Clause, Collect, Goal, GoalKind, Number, PredId, Term, VarNo};
 
 /// No text is longer than this, in bytes.
 const LIMIT: usize = 1 << 20;

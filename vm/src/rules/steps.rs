@@ -206,10 +206,7 @@ impl Engine {
                         }
                         match cell {
                             Cell::Pair(pair) => {
-                                let Some([head, tail]) = store.heap[pair as usize..].first_chunk() else {
-                                    fail!()
-                                };
-                                (at!(first), at!(rest)) = (*head, *tail);
+                                [at!(first), at!(rest)] = store.pair_at(pair);
                             }
                             Cell::Ref(var) => {
                                 let at = store.heap.len() as u32;
@@ -234,8 +231,9 @@ impl Engine {
                                 store.bind(var, pair);
                             }
                             Cell::Pair(pair) => {
-                                holds!(store.unify(at!(first), store.heap[pair as usize]));
-                                at!(rest) = store.heap[pair as usize + 1];
+                                let [head, tail] = store.pair_at(pair);
+                                holds!(store.unify(at!(first), head));
+                                at!(rest) = tail;
                             }
                             _ => fail!(),
                         }
@@ -376,6 +374,8 @@ impl Engine {
                             let found = callee.index.select(store, w);
                             self.entry = self.choices.len() as u32;
                             if found.count() == 1 {
+                                // Where the engine is, should the clause meet a limit.
+                                self.pc = found.first.0;
                                 pc = found.first.at();
                                 continue;
                             }

@@ -251,6 +251,16 @@ impl Store {
         })
     }
 
+    /// The parts of a cell of a list on the heap.
+    #[inline(always)]
+    #[must_use]
+    pub fn pair_at(&self, at: u32) -> [Cell; 2] {
+        match self.heap[at as usize..].first_chunk() {
+            Some(parts) => *parts,
+            None => [Cell::NIL; 2],
+        }
+    }
+
     /// The parts of a structure on the heap.
     #[must_use]
     pub fn parts(&self, at: u32) -> (Shape, &[Cell]) {
@@ -352,8 +362,8 @@ impl Store {
                 if a == b {
                     return Ok(Inside::Same);
                 }
-                let (rest, other) = (self.heap[a as usize + 1], self.heap[b as usize + 1]);
-                let (a, b) = (self.deref(self.heap[a as usize]), self.deref(self.heap[b as usize]));
+                let ([a, rest], [b, other]) = (self.pair_at(a), self.pair_at(b));
+                let (a, b) = (self.deref(a), self.deref(b));
                 match self.unify_flat(a, b) {
                     Some(true) => return Ok(Inside::Rest(rest, other)),
                     Some(false) => return Ok(Inside::Differ),
@@ -442,12 +452,13 @@ impl Store {
             match self.deref(next) {
                 Cell::Ref(var) if var == at => return Ok(true),
                 Cell::Pair(pair) => {
-                    match self.deref(self.heap[pair as usize]) {
+                    let [first, rest] = self.pair_at(pair);
+                    match self.deref(first) {
                         Cell::Ref(var) if var == at => return Ok(true),
                         inner @ (Cell::Pair(_) | Cell::Struct(_)) => todo.push(inner),
                         _ => {}
                     }
-                    next = self.heap[pair as usize + 1];
+                    next = rest;
                     continue;
                 }
                 Cell::Struct(structure) => todo.extend_from_slice(self.parts(structure).1),
@@ -503,8 +514,8 @@ impl Store {
 
     /// The parts of two cells of lists are to be compared, first parts first.
     fn add_parts(&self, a: u32, b: u32, todo: &mut Vec<(Cell, Cell)>) {
-        let at = |cell: u32| self.heap[cell as usize];
-        todo.extend([(at(a + 1), at(b + 1)), (at(a), at(b))]);
+        let ([a, rest], [b, other]) = (self.pair_at(a), self.pair_at(b));
+        todo.extend([(rest, other), (a, b)]);
     }
 
     /// True if two terms are the same as they are, without binding anything.
@@ -761,13 +772,21 @@ fn structure_value(shape: Shape, parts: Vec<Value>) -> Value {
     }
 }
 
-/// True if two values without heap parts have the same content.
+/// True if two values without heap parts have the same content. All is said here, so that both stay in registers.
 #[inline(always)]
 #[must_use]
 pub fn same_imm(a: &Imm, b: &Imm) -> bool {
-    match (a, b) {
-        (Imm::Float(a), Imm::Float(b)) => a.total_cmp(b) == Ordering::Equal || (a.is_nan() && b.is_nan()),
-        _ => a == b,
+    match (*a, *b) {
+        (Imm::Symbol(a), Imm::Symbol(b)) | (Imm::Keyword(a), Imm::Keyword(b)) | (Imm::Var(a), Imm::Var(b)) => {
+            a == b
+        }
+        (Imm::Int(a), Imm::Int(b)) => a == b,
+        (Imm::Float(a), Imm::Float(b)) => a.total_cmp(&b) == Ordering::Equal || (a.is_nan() && b.is_nan()),
+        (Imm::Bool(a), Imm::Bool(b)) => a == b,
+        (Imm::Function(a), Imm::Function(b)) => a == b,
+        (Imm::Native(a), Imm::Native(b)) => a == b,
+        (Imm::Nil, Imm::Nil) | (Imm::Unset, Imm::Unset) => true,
+        _ => false,
     }
 }
 
