@@ -95,10 +95,10 @@ impl Engine {
                     let inside = store.deref(at!($r));
                     match inside {
                         Cell::Ref(it) if it == $var => fail!(),
-                        Cell::Pair(_) | Cell::Struct(_) => {
-                            if store.occurs($var, inside).map_err(too_large)? {
-                                fail!()
-                            }
+                        Cell::Pair(_) | Cell::Struct(_)
+                            if store.occurs($var, inside).map_err(too_large)? =>
+                        {
+                            fail!()
                         }
                         _ => {}
                     }

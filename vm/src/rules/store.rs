@@ -777,9 +777,9 @@ fn structure_value(shape: Shape, parts: Vec<Value>) -> Value {
 #[must_use]
 pub fn same_imm(a: &Imm, b: &Imm) -> bool {
     match (*a, *b) {
-        (Imm::Symbol(a), Imm::Symbol(b)) | (Imm::Keyword(a), Imm::Keyword(b)) | (Imm::Var(a), Imm::Var(b)) => {
-            a == b
-        }
+        (Imm::Symbol(a), Imm::Symbol(b))
+        | (Imm::Keyword(a), Imm::Keyword(b))
+        | (Imm::Var(a), Imm::Var(b)) => a == b,
         (Imm::Int(a), Imm::Int(b)) => a == b,
         (Imm::Float(a), Imm::Float(b)) => a.total_cmp(&b) == Ordering::Equal || (a.is_nan() && b.is_nan()),
         (Imm::Bool(a), Imm::Bool(b)) => a == b,
