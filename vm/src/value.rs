@@ -63,7 +63,11 @@ pub enum Value {
 }
 
 /// Values without a heap part.
+///
+/// Tag and content are eight bytes each, whatever the content: so a value is moved as two words. With smaller tags
+/// it is moved in pieces, and a processor waits when it reads as one what was just written as several.
 #[derive(Clone, Copy, PartialEq)]
+#[repr(u64)]
 pub enum Imm {
     /// An optional parameter that the call did not give. No program ever sees it.
     Unset,

@@ -8,7 +8,7 @@
 
 use grammar::{FileId, Span};
 use vm::code::{Place, Program};
-use vm::rules::clause::{Compare, Goal, GoalKind, Kind, Number, PredId, Term, VarNo};
+use vm::rules::clause::{Goal, GoalKind, Kind, Number, PredId, Term, VarNo};
 use vm::value::Symbol;
 
 use super::goal::whole;
@@ -96,7 +96,7 @@ impl<'a> Flow<'a> {
             }
             GoalKind::Compare(how, a, b) => {
                 let vars = in_numbers([&*a, &*b]);
-                self.needs(sign(*how), &vars, at, state);
+                self.needs(how.sign(), &vars, at, state);
                 state.bind(vars);
             }
             GoalKind::Is(result, number) => {
@@ -248,15 +248,4 @@ fn in_numbers<'n>(numbers: impl IntoIterator<Item = &'n Number>) -> Vec<VarNo> {
     let mut vars = Vec::new();
     numbers.into_iter().for_each(|number| number.each_var(&mut |var| vars.push(var)));
     sorted(vars)
-}
-
-fn sign(how: Compare) -> &'static str {
-    match how {
-        Compare::Less => "<",
-        Compare::LessEq => "<=",
-        Compare::More => ">",
-        Compare::MoreEq => ">=",
-        Compare::Equal => "=",
-        Compare::Unequal => "/=",
-    }
 }

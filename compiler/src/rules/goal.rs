@@ -6,7 +6,7 @@ use vm::value::Symbol;
 
 use super::{Rule, arguments, place};
 use crate::Compiler;
-use crate::data::{MOST_NESTED, Places, to_value};
+use crate::data::{Places, to_value};
 use crate::error::CompileError;
 use crate::module::{Found, Meaning, ModuleId, nearest, predicate_key};
 use crate::resolve::special;
@@ -91,14 +91,7 @@ pub(super) fn row(goals: Vec<Goal>) -> GoalKind {
 impl Compiler<'_> {
     /// Resolves a goal.
     pub(super) fn goal(&mut self, rule: &mut Rule, form: &Form) -> Goal {
-        self.depth += 1;
-        let kind = if self.depth > MOST_NESTED + 1 {
-            self.error(CompileError::TooDeep { limit: MOST_NESTED, at: form.span });
-            GoalKind::True
-        } else {
-            self.goal_of(rule, form)
-        };
-        self.depth -= 1;
+        let kind = self.nested(form.span, GoalKind::True, |it| it.goal_of(rule, form));
         Goal { kind, place: place(form.span) }
     }
 

@@ -28,6 +28,7 @@ use vm::rules::clause::{Clause, PredId, VarNo};
 use vm::value::{Symbol, Value};
 
 use crate::Compiler;
+use crate::data::MOST_NESTED;
 use crate::module::{Found, Meaning, ModuleId};
 
 /// The greatest number of arguments of a predicate.
@@ -177,6 +178,19 @@ impl Compiler<'_> {
             }
             Found::None => None,
         }
+    }
+
+    /// What is nested in another form; `too_deep` is what stands for what is nested in too many.
+    fn nested<T>(&mut self, at: Span, too_deep: T, inner: impl FnOnce(&mut Self) -> T) -> T {
+        self.depth += 1;
+        let it = if self.depth > MOST_NESTED + 1 {
+            self.error(crate::CompileError::TooDeep { limit: MOST_NESTED, at });
+            too_deep
+        } else {
+            inner(self)
+        };
+        self.depth -= 1;
+        it
     }
 
     /// Makes rule code of the clauses that have changed.

@@ -14,15 +14,7 @@ use crate::resolve::is_description_in_rule;
 impl Compiler<'_> {
     /// Resolves a term.
     pub(super) fn term(&mut self, rule: &mut Rule, form: &Form) -> Term {
-        self.depth += 1;
-        let term = if self.depth > MOST_NESTED + 1 {
-            self.error(CompileError::TooDeep { limit: MOST_NESTED, at: form.span });
-            Term::Any
-        } else {
-            self.term_of(rule, form)
-        };
-        self.depth -= 1;
-        term
+        self.nested(form.span, Term::Any, |it| it.term_of(rule, form))
     }
 
     pub(super) fn terms(&mut self, rule: &mut Rule, forms: &[Form]) -> Vec<Term> {

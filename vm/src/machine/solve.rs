@@ -1,8 +1,10 @@
 //! Queries of plans: the engine of rules as a driver of a frame.
 //!
-//! Inferences are counted like calls against the fuel of the run, but not against the turn of the task: how
-//! many there are depends on how goals are planned, and a better plan must not change the clock of a tree.
-//! So a query is solved in one turn, in slices between which the run may be stopped. When a rule calls a function, the function has a frame above the driver's.
+//! Inferences are counted like calls against the fuel of the run, but a query that is not long takes nothing of
+//! its task's turn: how many there are depends on how goals are planned, and a better plan must not change the clock
+//! of a tree. Only after [`TURN`] inferences the turn is over, so that who asks without end stops nobody else. In
+//! between it is solved in slices, after which the run may be stopped. When a rule calls a function, the function
+//! has a frame above the driver's.
 
 use std::rc::Rc;
 
@@ -21,7 +23,7 @@ use crate::value::{Imm, Obj, Value};
 
 use super::call::Slow;
 use super::drive::Driver;
-use super::{Exit, Machine, RESUME};
+use super::{Exit, Machine, QUANTUM, RESUME};
 
 /// A query that is being solved.
 pub(super) struct Solve {
@@ -29,6 +31,8 @@ pub(super) struct Solve {
     want: Want,
     /// A function is running whose value the engine waits for.
     called: bool,
+    /// Inferences since the query began, or since it last ended a turn.
+    in_turn: u64,
 }
 
 /// A query from outside of a run.
@@ -51,6 +55,9 @@ impl Query {
 
 /// Inferences between two looks at the limits.
 const SLICE: u64 = 20_000;
+
+/// Inferences of a query that use up a turn of its task. Part of the language.
+const TURN: u64 = 100_000;
 
 /// How many open goals a failure names.
 const MOST_GOALS: usize = 8;
@@ -110,7 +117,7 @@ impl Machine {
     }
 
     fn solve(&mut self, d: u8, engine: Box<Engine>, want: Want) -> Slow {
-        self.push_driver(Driver::Solve(Box::new(Solve { engine, want, called: false })), d);
+        self.push_driver(Driver::Solve(Box::new(Solve { engine, want, called: false, in_turn: 0 })), d);
         Ok(None)
     }
 
@@ -274,10 +281,11 @@ impl Machine {
         }
         self.top().pc = RESUME;
         loop {
-            let given = SLICE.min(self.limits.fuel.saturating_sub(self.steps));
+            let given = SLICE.min(self.limits.fuel.saturating_sub(self.steps)).min(TURN - solve.in_turn);
             let mut slice = given;
             let step = solve.engine.run(&self.program, &mut slice);
             self.steps += given - slice;
+            solve.in_turn += given - slice;
             let step = match step {
                 Ok(step) => step,
                 Err(mut raise) => {
@@ -292,6 +300,10 @@ impl Machine {
                         let raise = self.rules_take_too_much(&solve.engine);
                         self.top().drivers.push(Driver::Solve(solve));
                         return Err(raise);
+                    }
+                    if solve.in_turn >= TURN {
+                        solve.in_turn = 0;
+                        self.top().tasks.in_turn = QUANTUM;
                     }
                     self.top().drivers.push(Driver::Solve(solve));
                     return Ok(Some(Exit::Fuel));

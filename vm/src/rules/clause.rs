@@ -80,6 +80,21 @@ pub enum Compare {
     Unequal,
 }
 
+impl Compare {
+    /// How it is written.
+    #[must_use]
+    pub fn sign(self) -> &'static str {
+        match self {
+            Compare::Less => "<",
+            Compare::LessEq => "<=",
+            Compare::More => ">",
+            Compare::MoreEq => ">=",
+            Compare::Equal => "=",
+            Compare::Unequal => "/=",
+        }
+    }
+}
+
 /// What is collected from the answers of a goal.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Collect {

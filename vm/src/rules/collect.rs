@@ -1,18 +1,23 @@
 //! What is collected from all answers of a goal: `findall`, `count`, `min`, `max`, `bagof`, `setof`.
 //!
-//! Answers are kept as values, for the terms go when the next answer is looked for.
+//! Answers are copied, for the terms go when the next answer is looked for. Those that are compared are kept as values.
 
 use std::cmp::Ordering;
 
 use crate::value::Value;
 
 use super::clause::Collect;
+use super::copies::Copies;
 use super::store::{Cell, Outside, Store, TooLarge};
 
 /// A collection that is being made.
 pub(super) struct Collecting {
     kind: Collect,
-    items: Vec<Value>,
+    /// The least or greatest so far.
+    best: Option<Value>,
+    /// All of them, and where each is.
+    copies: Copies,
+    items: Vec<u32>,
     count: i64,
     /// An item has variables in it.
     open: bool,
@@ -20,42 +25,50 @@ pub(super) struct Collecting {
 
 impl Collecting {
     pub fn new(kind: Collect) -> Collecting {
-        Collecting { kind, items: Vec::new(), count: 0, open: false }
+        Collecting { kind, best: None, copies: Copies::default(), items: Vec::new(), count: 0, open: false }
     }
 
     pub fn bytes(&self) -> usize {
-        self.items.len() * size_of::<Value>()
+        self.items.len() * 4 + self.copies.bytes()
     }
 
     /// One more answer.
     pub fn add(&mut self, store: &Store, term: Cell, outside: &dyn Outside) -> Result<(), TooLarge> {
         self.count += 1;
-        if self.kind == Collect::Count {
-            return Ok(());
-        }
+        let wanted = match self.kind {
+            Collect::Count => return Ok(()),
+            Collect::List => {
+                self.items.push(self.copies.add(store, term, outside)?);
+                return Ok(());
+            }
+            Collect::Min => Ordering::Less,
+            Collect::Max => Ordering::Greater,
+        };
         let mut vars = Vec::new();
         let value = store.export_with(term, outside, &mut vars)?;
         self.open |= !vars.is_empty();
-        let replaces = |wanted: Ordering| self.items.first().is_none_or(|best| value.cmp(best) == wanted);
-        match self.kind {
-            Collect::Min if replaces(Ordering::Less) => self.items = vec![value],
-            Collect::Max if replaces(Ordering::Greater) => self.items = vec![value],
-            Collect::List => self.items.push(value),
-            _ => {}
+        if self.best.as_ref().is_none_or(|best| value.cmp(best) == wanted) {
+            self.best = Some(value);
         }
         Ok(())
     }
 
     /// The result; nothing for the least or greatest of nothing.
     pub fn finish(&mut self, store: &mut Store) -> Result<Option<Cell>, TooLarge> {
-        let items = std::mem::take(&mut self.items);
         Ok(match self.kind {
             Collect::Count => Some(Cell::int(self.count)),
-            Collect::Min | Collect::Max => match items.first() {
+            Collect::Min | Collect::Max => match &self.best {
                 Some(item) => Some(import(store, item, self.open)?),
                 None => None,
             },
-            Collect::List => Some(list(store, &items, self.open)?),
+            Collect::List => {
+                let start = self.copies.put_back(store);
+                let items = self.items.drain(..).rev();
+                Some(items.fold(Cell::NIL, |list, at| {
+                    let first = store.heap[(start + at) as usize];
+                    store.pair(first, list)
+                }))
+            }
         })
     }
 }

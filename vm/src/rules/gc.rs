@@ -10,7 +10,8 @@
 //! looks at them before they get a new value. Values from outside that no cell holds go as well.
 
 use super::Rules;
-use super::engine::{Alternative, Engine};
+use super::choice::Alternative;
+use super::engine::Engine;
 use super::store::{CONSTANT, Cell, Mark, Store};
 
 /// A set of numbers that knows how many are below each.

@@ -84,7 +84,7 @@ impl Key {
 
 /// A number for a value without a heap part.
 #[inline(always)]
-fn hash_imm(imm: &Imm) -> u64 {
+pub(super) fn hash_imm(imm: &Imm) -> u64 {
     let mut hasher = FxHasher::default();
     match imm {
         Imm::Unset | Imm::Nil => hasher.write_u8(0),
@@ -153,10 +153,35 @@ pub fn hash_value(value: &Value) -> u64 {
     hasher.finish()
 }
 
+/// Clauses that can answer a call.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Selected {
+    /// The code of the first, if there is one.
+    pub first: Pc,
+    /// Their positions in [`super::Rules::lists`].
+    pub start: u32,
+    /// One past the last.
+    pub end: u32,
+}
+
+impl Selected {
+    fn of(lists: &[Pc], range: Range<u32>) -> Selected {
+        let first = lists.get(range.start as usize).copied().unwrap_or_default();
+        Selected { first, start: range.start, end: range.end }
+    }
+
+    /// How many there are.
+    #[inline(always)]
+    #[must_use]
+    pub fn count(&self) -> u32 {
+        self.end - self.start
+    }
+}
+
 /// The clauses of a predicate, by their arguments.
 #[derive(Debug, Clone, Default)]
 pub struct ClauseIndex {
-    all: Range<u32>,
+    all: Selected,
     /// For arguments that tell clauses apart, the best first.
     tables: Vec<(u8, Table)>,
 }
@@ -164,11 +189,11 @@ pub struct ClauseIndex {
 /// The clauses that take an argument, by what it is.
 #[derive(Debug, Clone)]
 struct Table {
-    nil: Range<u32>,
-    pair: Range<u32>,
-    others: FxHashMap<Key, Range<u32>>,
+    nil: Selected,
+    pair: Selected,
+    others: FxHashMap<Key, Selected>,
     /// For everything else: the clauses that take anything.
-    any: Range<u32>,
+    any: Selected,
 }
 
 /// Arguments beyond this one are not looked at.
@@ -179,7 +204,7 @@ impl ClauseIndex {
     pub fn new(clauses: &[(Pc, Vec<Option<Key>>)], lists: &mut Vec<Pc>) -> ClauseIndex {
         let start = lists.len() as u32;
         lists.extend(clauses.iter().map(|clause| clause.0));
-        let all = start..lists.len() as u32;
+        let all = Selected::of(lists, start..lists.len() as u32);
         let arity = clauses.first().map_or(0, |clause| clause.1.len());
         let mut tables = Vec::new();
         for arg in 0..arity.min(MOST_ARGS) {
@@ -195,53 +220,60 @@ impl ClauseIndex {
                     None => anything.push(at),
                 }
             }
-            if groups.is_empty() || groups.len() + anything.len() < 2 {
+            if groups.is_empty() {
                 continue;
             }
             let mut list = |key: Option<Key>| {
                 let start = lists.len() as u32;
                 let own = key.and_then(|key| groups.get(&key)).map_or(&[][..], Vec::as_slice);
                 lists.extend(merged(own, &anything).map(|at| clauses[at as usize].0));
-                start..lists.len() as u32
+                Selected::of(lists, start..lists.len() as u32)
             };
             let (nil, pair, any) = (list(Some(Key::Nil)), list(Some(Key::Pair)), list(None));
             let keys = clauses.iter().filter_map(|clause| clause.1[arg]);
-            let mut others: FxHashMap<Key, Range<u32>> = FxHashMap::default();
+            let mut others: FxHashMap<Key, Selected> = FxHashMap::default();
             for key in keys.filter(|key| !matches!(key, Key::Nil | Key::Pair)) {
                 others.entry(key).or_insert_with(|| list(Some(key)));
             }
             tables.push((groups.len(), anything.len(), (arg as u8, Table { nil, pair, others, any })));
         }
-        // Where few clauses take anything, a look tells most.
-        tables.sort_by_key(|(keys, anything, _)| (*anything, std::cmp::Reverse(*keys)));
+        // Where few clauses take anything, a look tells most. One that only says what nothing takes comes last.
+        tables.sort_by_key(|(keys, anything, _)| (keys + anything < 2, *anything, std::cmp::Reverse(*keys)));
         ClauseIndex { all, tables: tables.into_iter().map(|it| it.2).collect() }
     }
 
     /// The clauses that can answer a call with these arguments.
     #[inline(always)]
     #[must_use]
-    pub fn select(&self, store: &Store, args: &[Cell]) -> Range<u32> {
-        let mut best = self.all.clone();
+    pub fn select(&self, store: &Store, args: &[Cell]) -> Selected {
+        let mut best = self.all;
         for (arg, table) in &self.tables {
             let found = match store.deref(args[*arg as usize]) {
                 Cell::Ref(_) => continue,
-                Cell::Pair(_) => &table.pair,
-                Cell::Imm(Imm::Nil) => &table.nil,
-                cell => match Key::of_cell(store, cell) {
-                    None => continue,
-                    Some(Key::Nil) => &table.nil,
-                    Some(Key::Pair) => &table.pair,
-                    Some(key) => table.others.get(&key).unwrap_or(&table.any),
-                },
+                Cell::Pair(_) => table.pair,
+                Cell::Imm(Imm::Nil) => table.nil,
+                cell => table.other(store, cell),
             };
-            if found.len() < best.len() {
-                best = found.clone();
-            }
-            if best.len() <= 1 {
-                break;
+            if found.count() < best.count() {
+                best = found;
+                if best.count() <= 1 {
+                    break;
+                }
             }
         }
         best
+    }
+}
+
+impl Table {
+    /// The clauses that take something that is not an empty list or a cell of one on the heap.
+    fn other(&self, store: &Store, cell: Cell) -> Selected {
+        match Key::of_cell(store, cell) {
+            None => self.any,
+            Some(Key::Nil) => self.nil,
+            Some(Key::Pair) => self.pair,
+            Some(key) => self.others.get(&key).copied().unwrap_or(self.any),
+        }
     }
 }
 

@@ -103,6 +103,7 @@ pub fn lower(rules: &mut Rules, clause: &Clause) -> Result<Lowered, TooManyVaria
             *n = most;
         }
     }
+    super::moves::take_out(rules, entry, arity);
     rules.extents.push((entry, clause.predicate));
     Ok(Lowered { entry, keys })
 }
@@ -194,7 +195,11 @@ impl Lowering<'_> {
                 let (mut later, saved) = (Vec::new(), self.next);
                 let first = self.part(first, &mut later)?;
                 let rest = self.part(rest, &mut later)?;
-                self.emit(RuleOp::GetPair(register, first, rest));
+                self.emit(match (first, rest) {
+                    (Part::First(first), Part::First(rest)) => RuleOp::GetParts(register, first, rest),
+                    (Part::Same(first), Part::First(rest)) => RuleOp::GetRest(register, first, rest),
+                    _ => RuleOp::GetPair(register, first, rest),
+                });
                 for (register, term) in later {
                     self.get(register, term)?;
                 }
@@ -220,7 +225,17 @@ impl Lowering<'_> {
         term: &'t Term,
         later: &mut Vec<(u8, &'t Term)>,
     ) -> Result<Part, TooManyVariables> {
-        Ok(match term {
+        if let Some(part) = self.plain_part(term) {
+            return Ok(part);
+        }
+        let register = self.temp()?;
+        later.push((register, term));
+        Ok(Part::First(register))
+    }
+
+    /// A part of a list cell that needs nothing but itself.
+    fn plain_part(&mut self, term: &Term) -> Option<Part> {
+        Some(match term {
             Term::Any => Part::Any,
             Term::Const(value) if value.is_nil() => Part::Nil,
             Term::Var(var) => {
@@ -230,11 +245,7 @@ impl Lowering<'_> {
                     false => Part::First(own),
                 }
             }
-            term => {
-                let register = self.temp()?;
-                later.push((register, term));
-                Part::First(register)
-            }
+            _ => return None,
         })
     }
 
@@ -286,6 +297,11 @@ impl Lowering<'_> {
                     items.push(first);
                     end = rest;
                 }
+                let known = short_list(end);
+                if let Some(known) = &known {
+                    items.extend(known);
+                    end = &Term::Const(Value::NIL);
+                }
                 let saved = self.next;
                 let list = if items.len() > 1 { self.temp()? } else { register };
                 if let Term::Var(var) = end
@@ -319,18 +335,10 @@ impl Lowering<'_> {
 
     /// A part of a list cell that is made.
     fn built(&mut self, term: &Term) -> Result<Part, TooManyVariables> {
-        Ok(match term {
-            Term::Any => Part::Any,
-            Term::Const(value) if value.is_nil() => Part::Nil,
-            Term::Var(var) => {
-                let own = self.registers[*var as usize];
-                match std::mem::replace(&mut self.known[*var as usize], true) {
-                    true => Part::Same(own),
-                    false => Part::First(own),
-                }
-            }
-            term => Part::Same(self.build(term)?),
-        })
+        match self.plain_part(term) {
+            Some(part) => Ok(part),
+            None => Ok(Part::Same(self.build(term)?)),
+        }
     }
 
     /// A register that holds a term: that of a variable, or a temporary one.
@@ -737,6 +745,23 @@ impl Lowering<'_> {
         self.emit_at(op, goal);
         Ok(d)
     }
+}
+
+/// The elements of a list of the program that ends one with variables in it, if there are few. They are made
+/// as cells, too: a value from outside would have to be opened each time that somebody looks inside.
+fn short_list(term: &Term) -> Option<Vec<Term>> {
+    const FEW: usize = 8;
+    let Term::Const(value) = term else { return None };
+    let mut items = Vec::new();
+    let mut rest = value;
+    while let Some((first, more)) = rest.as_pair() {
+        items.push(Term::Const(first.clone()));
+        rest = more;
+        if items.len() > FEW {
+            return None;
+        }
+    }
+    (rest.is_nil() && !items.is_empty()).then_some(items)
 }
 
 fn has_desc(term: &Term) -> bool {

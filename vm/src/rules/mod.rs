@@ -1,22 +1,27 @@
 //! Rules: Horn clauses over facts, trees and values.
 //!
 //! [`clause`] is what the compiler makes of the text, [`lower`] makes instructions of it ([`op`]),
-//! [`engine`] runs them on the terms of a [`store`]. [`index`] finds the clauses and facts that can
-//! answer a call; [`gc`] takes away terms that nothing needs; [`tabling`] keeps what has been answered; [`native`] and [`tree`] are predicates that
+//! [`engine`] runs them on the terms of a [`store`]: its loop is in [`steps`], its calls in [`call`], what it goes
+//! back to in [`choice`]. [`index`] finds the clauses and facts that can answer a call; [`gc`] takes away terms that nothing needs; [`tabling`] keeps what has been answered; [`native`] and [`tree`] are predicates that
 //! are written in Rust; [`why`] explains, with the clauses as text ([`show`]).
 
+mod call;
+mod choice;
 pub mod clause;
 mod collect;
+mod copies;
 pub mod engine;
 mod gc;
 pub mod index;
 mod live;
 pub mod lower;
+mod moves;
 pub mod native;
 pub mod nearest;
 pub mod op;
 pub mod plan;
 pub mod show;
+mod steps;
 pub mod store;
 pub mod stream;
 mod structure;

@@ -40,6 +40,10 @@ pub enum RuleOp {
     GetConst(u8, Const),
     /// a is a cell of a list with these parts.
     GetPair(u8, Part, Part),
+    /// a is a cell of a list, whose parts go to h and t.
+    GetParts(u8, u8, u8),
+    /// a is a cell of a list that begins with what h holds; the rest goes to t.
+    GetRest(u8, u8, u8),
     /// a is a structure with the keys of t; its values go to the registers from s.
     GetStruct(u8, u8, Template),
     /// a and b are the same.
@@ -145,6 +149,7 @@ impl RuleOp {
         let mut range = |first: u8, n: u8| (0..n).for_each(|i| visit(first.wrapping_add(i)));
         match *self {
             RuleOp::GetNil(a)
+            | RuleOp::GetParts(a, ..)
             | RuleOp::GetConst(a, _)
             | RuleOp::GetStruct(a, ..)
             | RuleOp::NeedsBound(a, _)
@@ -171,6 +176,7 @@ impl RuleOp {
             | RuleOp::Sub(_, a, b)
             | RuleOp::Mul(_, a, b)
             | RuleOp::Div(_, a, b)
+            | RuleOp::GetRest(a, b, _)
             | RuleOp::Add1(a, b) => range_of(&[a, b], visit),
             RuleOp::PutStruct(_, s, t) => range(s, values(t)),
             RuleOp::Call(w, _, predicate)
@@ -207,6 +213,8 @@ impl RuleOp {
                 visit(d);
                 [first, rest].into_iter().filter_map(Part::written).for_each(visit);
             }
+            RuleOp::GetParts(_, first, rest) => range_of(&[first, rest], visit),
+            RuleOp::GetRest(_, _, rest) => visit(rest),
             RuleOp::GetStruct(_, s, t) => (0..values(t)).for_each(|i| visit(s.wrapping_add(i))),
             RuleOp::Fresh(d)
             | RuleOp::Move(d, _)

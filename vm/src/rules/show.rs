@@ -7,7 +7,7 @@ use crate::code::{FnId, Program};
 use crate::print;
 use crate::value::{Imm, Obj, Symbol, Value};
 
-use super::clause::{Arith, Clause, Collect, Compare, Goal, GoalKind, Number, PredId, Term, VarNo};
+use super::clause::{Arith, Clause, Collect, Goal, GoalKind, Number, PredId, Term, VarNo};
 
 /// No text is longer than this, in bytes.
 const LIMIT: usize = 1 << 20;
@@ -160,7 +160,7 @@ impl<'a> Text<'a> {
             GoalKind::Unify(a, b) => self.with_terms("==", [a, b]),
             GoalKind::Matches(a, b) => self.with_terms("matches", [a, b]),
             GoalKind::Identical(a, b) => self.with_terms("identical?", [a, b]),
-            GoalKind::Compare(how, a, b) => self.with_numbers(compare_sign(*how), a, b),
+            GoalKind::Compare(how, a, b) => self.with_numbers(how.sign(), a, b),
             GoalKind::Is(result, number) => {
                 self.put("(is ");
                 self.term(result);
@@ -281,39 +281,59 @@ impl<'a> Text<'a> {
             Term::Any => self.put("?_"),
             Term::Const(value) => self.value(value),
             Term::Pair(first, rest) => self.list(first, rest),
-            Term::Vector(items) => {
-                self.put("[");
-                for (at, item) in items.iter().enumerate() {
-                    self.put(if at > 0 { " " } else { "" });
-                    self.term(item);
-                }
-                self.put("]");
-            }
-            Term::Map(pairs) => {
-                self.put("{");
-                for (at, (key, item)) in pairs.iter().enumerate() {
-                    self.put(if at > 0 { " " } else { "" });
-                    self.value(key);
-                    self.put(" ");
-                    self.term(item);
-                }
-                self.put("}");
-            }
+            Term::Vector(items) => self.vector(items, Self::term),
+            Term::Map(pairs) => self.map(pairs.iter().map(|pair| (&pair.0, &pair.1)), Self::term),
             Term::Desc(kind, properties) => {
-                self.description(*kind);
-                for (key, item) in properties {
-                    self.put(&format!(" ({} ", print::write(&Value::Imm(Imm::Symbol(*key)))));
-                    self.term(item);
-                    self.put(")");
-                }
-                self.put(")");
+                self.description(*kind, properties.iter().map(|it| (it.0, &it.1)), Self::term);
             }
         }
     }
 
-    fn description(&mut self, kind: Symbol) {
+    /// `[item…]`, for terms and values.
+    fn vector<T>(&mut self, items: impl IntoIterator<Item = T>, show: fn(&mut Self, T)) {
+        self.row("[", items, show, "]");
+    }
+
+    /// `{key value…}`
+    fn map<'v, T>(&mut self, pairs: impl Iterator<Item = (&'v Value, T)>, show: fn(&mut Self, T)) {
+        let pair = |it: &mut Self, (key, item): (&Value, T)| {
+            it.value(key);
+            it.put(" ");
+            show(it, item);
+        };
+        self.row("{", pairs, pair, "}");
+    }
+
+    fn row<T>(
+        &mut self,
+        open: &str,
+        items: impl IntoIterator<Item = T>,
+        mut show: impl FnMut(&mut Self, T),
+        close: &str,
+    ) {
+        self.put(open);
+        for (at, item) in items.into_iter().enumerate() {
+            self.put(if at > 0 { " " } else { "" });
+            show(self, item);
+        }
+        self.put(close);
+    }
+
+    /// `(a kind (key value)…)`
+    fn description<T>(
+        &mut self,
+        kind: Symbol,
+        properties: impl Iterator<Item = (Symbol, T)>,
+        show: fn(&mut Self, T),
+    ) {
         self.put(if kind.starts_with(['a', 'o']) { "(an " } else { "(a " });
         self.put(&kind);
+        for (key, item) in properties {
+            self.put(&format!(" ({} ", print::write(&Value::Imm(Imm::Symbol(key)))));
+            show(self, item);
+            self.put(")");
+        }
+        self.put(")");
     }
 
     fn list(&mut self, first: &Term, rest: &Term) {
@@ -374,47 +394,12 @@ impl<'a> Text<'a> {
                     self.elements(value, "");
                     self.put(")");
                 }
-                Obj::Vector(items) => {
-                    self.put("[");
-                    for (at, item) in items.iter().enumerate() {
-                        self.put(if at > 0 { " " } else { "" });
-                        self.value(item);
-                    }
-                    self.put("]");
-                }
-                Obj::Map(map) => {
-                    self.put("{");
-                    for (at, (key, item)) in map.iter().enumerate() {
-                        self.put(if at > 0 { " " } else { "" });
-                        self.value(key);
-                        self.put(" ");
-                        self.value(item);
-                    }
-                    self.put("}");
-                }
-                Obj::Desc(desc) => {
-                    self.description(desc.kind);
-                    for (key, item) in desc.properties() {
-                        self.put(&format!(" ({} ", print::write(&Value::Imm(Imm::Symbol(key)))));
-                        self.value(item);
-                        self.put(")");
-                    }
-                    self.put(")");
-                }
+                Obj::Vector(items) => self.vector(items.iter(), Self::value),
+                Obj::Map(map) => self.map(map.iter(), Self::value),
+                Obj::Desc(desc) => self.description(desc.kind, desc.properties(), Self::value),
                 _ => self.put(&print::Printer::new(Some(self.program), true, LIMIT).text(value)),
             },
         }
-    }
-}
-
-fn compare_sign(how: Compare) -> &'static str {
-    match how {
-        Compare::Less => "<",
-        Compare::LessEq => "<=",
-        Compare::More => ">",
-        Compare::MoreEq => ">=",
-        Compare::Equal => "=",
-        Compare::Unequal => "/=",
     }
 }
 

@@ -66,6 +66,13 @@ pub struct TooLarge;
 /// How many cells one operation may go through.
 const MOST_CELLS: usize = 20_000_000;
 
+/// Counts one more cell of an operation.
+#[inline(always)]
+fn step(steps: &mut usize) -> Result<(), TooLarge> {
+    *steps += 1;
+    if *steps > MOST_CELLS { Err(TooLarge) } else { Ok(()) }
+}
+
 /// What a store was like when a choice was made.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Mark {
@@ -93,8 +100,17 @@ pub struct Store {
     pub objects: Vec<Value>,
     /// The heap when the newest choice was made.
     pub old: u32,
-    /// Memory for walks.
+    /// Memory for walks over two terms, and for those over one.
     todo: Vec<(Cell, Cell)>,
+    inner: Vec<Cell>,
+}
+
+/// What has come out of two terms whose outermost level was compared.
+enum Inside {
+    Differ,
+    Same,
+    /// These two are to be compared next.
+    Rest(Cell, Cell),
 }
 
 impl Store {
@@ -111,11 +127,14 @@ impl Store {
     /// Undoes all that has happened since.
     #[inline]
     pub fn back_to(&mut self, mark: Mark) {
-        for at in self.trail.drain(mark.trail as usize..) {
-            self.heap[at as usize] = Cell::Ref(at);
+        for at in &self.trail[mark.trail as usize..] {
+            self.heap[*at as usize] = Cell::Ref(*at);
         }
+        self.trail.truncate(mark.trail as usize);
         self.heap.truncate(mark.heap as usize);
-        self.objects.truncate(mark.objects as usize);
+        if self.objects.len() > mark.objects as usize {
+            self.objects.truncate(mark.objects as usize);
+        }
     }
 
     /// Memory in use, in bytes.
@@ -138,8 +157,7 @@ impl Store {
     #[inline(always)]
     pub fn pair(&mut self, first: Cell, rest: Cell) -> Cell {
         let at = self.heap.len() as u32;
-        self.heap.push(first);
-        self.heap.push(rest);
+        self.heap.extend_from_slice(&[first, rest]);
         Cell::Pair(at)
     }
 
@@ -233,6 +251,16 @@ impl Store {
         })
     }
 
+    /// The parts of a cell of a list on the heap.
+    #[inline(always)]
+    #[must_use]
+    pub fn pair_at(&self, at: u32) -> [Cell; 2] {
+        match self.heap[at as usize..].first_chunk() {
+            Some(parts) => *parts,
+            None => [Cell::NIL; 2],
+        }
+    }
+
     /// The parts of a structure on the heap.
     #[must_use]
     pub fn parts(&self, at: u32) -> (Shape, &[Cell]) {
@@ -260,98 +288,148 @@ impl Store {
     #[inline]
     pub fn unify(&mut self, a: Cell, b: Cell) -> Result<bool, TooLarge> {
         let (a, b) = (self.deref(a), self.deref(b));
-        match (a, b) {
-            (Cell::Imm(a), Cell::Imm(b)) => Ok(same_imm(&a, &b)),
-            (Cell::Ref(at), Cell::Imm(_)) => {
-                self.bind(at, b);
-                Ok(true)
-            }
-            (Cell::Imm(_), Cell::Ref(at)) => {
-                self.bind(at, a);
-                Ok(true)
-            }
-            _ => self.unify_deep(a, b),
+        match self.unify_flat(a, b) {
+            Some(same) => Ok(same),
+            None => self.unify_deep(a, b),
         }
     }
 
+    /// Unifies what needs no look inside; nothing for the rest. Both stand for themselves.
+    #[inline(always)]
+    fn unify_flat(&mut self, a: Cell, b: Cell) -> Option<bool> {
+        match (a, b) {
+            (Cell::Imm(a), Cell::Imm(b)) => Some(same_imm(&a, &b)),
+            (Cell::Ref(a), Cell::Ref(b)) => {
+                // The younger refers to the older, so nothing refers to what goes first.
+                if a != b {
+                    self.bind(a.max(b), Cell::Ref(a.min(b)));
+                }
+                Some(true)
+            }
+            (Cell::Ref(at), Cell::Imm(_)) => {
+                self.bind(at, b);
+                Some(true)
+            }
+            (Cell::Imm(_), Cell::Ref(at)) => {
+                self.bind(at, a);
+                Some(true)
+            }
+            (Cell::Imm(_), _) | (_, Cell::Imm(_)) => Some(false),
+            _ => None,
+        }
+    }
+
+    #[inline(never)]
     fn unify_deep(&mut self, a: Cell, b: Cell) -> Result<bool, TooLarge> {
         let mut todo = std::mem::take(&mut self.todo);
         todo.clear();
-        todo.push((a, b));
-        let result = self.unify_all(&mut todo);
+        let result = self.unify_all(a, b, &mut todo);
         self.todo = todo;
         result
     }
 
-    fn unify_all(&mut self, todo: &mut Vec<(Cell, Cell)>) -> Result<bool, TooLarge> {
+    /// Goes along lists; what else is to be done waits in `todo`.
+    fn unify_all(&mut self, a: Cell, b: Cell, todo: &mut Vec<(Cell, Cell)>) -> Result<bool, TooLarge> {
         let mut steps = 0;
-        while let Some((a, b)) = todo.pop() {
-            steps += 1;
-            if steps > MOST_CELLS {
-                return Err(TooLarge);
+        let mut next = (a, b);
+        loop {
+            step(&mut steps)?;
+            let (a, b) = (self.deref(next.0), self.deref(next.1));
+            match self.unify_flat(a, b) {
+                Some(true) => {}
+                Some(false) => return Ok(false),
+                None => match self.unify_inside(a, b, todo)? {
+                    Inside::Differ => return Ok(false),
+                    Inside::Same => {}
+                    Inside::Rest(a, b) => {
+                        next = (a, b);
+                        continue;
+                    }
+                },
             }
-            match (self.deref(a), self.deref(b)) {
-                (Cell::Ref(a), Cell::Ref(b)) if a == b => {}
-                // The younger refers to the older, so nothing refers to what goes first.
-                (Cell::Ref(a), Cell::Ref(b)) => self.bind(a.max(b), Cell::Ref(a.min(b))),
-                (Cell::Ref(at), other) | (other, Cell::Ref(at)) => {
-                    if self.occurs(at, other)? {
-                        return Ok(false);
-                    }
-                    self.bind(at, other);
-                }
-                (Cell::Imm(a), Cell::Imm(b)) => {
-                    if !same_imm(&a, &b) {
-                        return Ok(false);
-                    }
-                }
-                (Cell::Pair(a), Cell::Pair(b)) => {
-                    if a != b {
-                        todo.push((self.heap[a as usize + 1], self.heap[b as usize + 1]));
-                        todo.push((self.heap[a as usize], self.heap[b as usize]));
-                    }
-                }
-                (Cell::Struct(a), Cell::Struct(b)) => {
-                    if a != b {
-                        let (Cell::Head(s, n), Cell::Head(t, m)) =
-                            (self.heap[a as usize], self.heap[b as usize])
-                        else {
-                            return Ok(false);
-                        };
-                        if s != t || n != m {
-                            return Ok(false);
-                        }
-                        for i in (1..=n).rev() {
-                            todo.push((self.heap[(a + i) as usize], self.heap[(b + i) as usize]));
-                        }
-                    }
-                }
-                (Cell::Obj(a), Cell::Obj(b)) => {
-                    if a != b {
-                        let same = equal(self.object(a), self.object(b), MOST_CELLS).ok_or(TooLarge)?;
-                        if !same {
-                            return Ok(false);
-                        }
-                    }
-                }
-                (Cell::Obj(at), other @ (Cell::Pair(_) | Cell::Struct(_)))
-                | (other @ (Cell::Pair(_) | Cell::Struct(_)), Cell::Obj(at)) => {
-                    let Some(open) = self.open_object(at) else { return Ok(false) };
-                    if std::mem::discriminant(&open) != std::mem::discriminant(&other) {
-                        return Ok(false);
-                    }
-                    todo.push((open, other));
-                }
-                (Cell::Task(a), Cell::Task(b)) if a == b => {}
-                _ => return Ok(false),
+            match todo.pop() {
+                Some(more) => next = more,
+                None => return Ok(true),
             }
         }
-        Ok(true)
+    }
+
+    /// Unifies the outermost level of two terms.
+    #[inline(always)]
+    fn unify_inside(&mut self, a: Cell, b: Cell, todo: &mut Vec<(Cell, Cell)>) -> Result<Inside, TooLarge> {
+        match (a, b) {
+            (Cell::Pair(a), Cell::Pair(b)) => {
+                if a == b {
+                    return Ok(Inside::Same);
+                }
+                let ([a, rest], [b, other]) = (self.pair_at(a), self.pair_at(b));
+                let (a, b) = (self.deref(a), self.deref(b));
+                match self.unify_flat(a, b) {
+                    Some(true) => return Ok(Inside::Rest(rest, other)),
+                    Some(false) => return Ok(Inside::Differ),
+                    None => {
+                        todo.push((rest, other));
+                        return Ok(Inside::Rest(a, b));
+                    }
+                }
+            }
+            (Cell::Ref(at), other) | (other, Cell::Ref(at)) => {
+                if self.occurs(at, other)? {
+                    return Ok(Inside::Differ);
+                }
+                self.bind(at, other);
+            }
+            (Cell::Struct(a), Cell::Struct(b)) => {
+                if a == b {
+                    return Ok(Inside::Same);
+                }
+                let (Cell::Head(s, n), Cell::Head(t, m)) = (self.heap[a as usize], self.heap[b as usize])
+                else {
+                    return Ok(Inside::Differ);
+                };
+                if s != t || n != m {
+                    return Ok(Inside::Differ);
+                }
+                for i in (1..=n).rev() {
+                    todo.push((self.heap[(a + i) as usize], self.heap[(b + i) as usize]));
+                }
+            }
+            (Cell::Obj(a), Cell::Obj(b)) => {
+                if a != b && !equal(self.object(a), self.object(b), MOST_CELLS).ok_or(TooLarge)? {
+                    return Ok(Inside::Differ);
+                }
+            }
+            (Cell::Obj(at), Cell::Pair(pair)) | (Cell::Pair(pair), Cell::Obj(at)) => {
+                let value = self.object(at).clone();
+                let Some((first, rest)) = value.as_pair() else { return Ok(Inside::Differ) };
+                // Only what is compound itself becomes an object of its own.
+                let first = self.import(first);
+                let own = self.deref(self.heap[pair as usize]);
+                match self.unify_flat(own, first) {
+                    Some(false) => return Ok(Inside::Differ),
+                    Some(true) => {}
+                    None => todo.push((own, first)),
+                }
+                return Ok(Inside::Rest(self.heap[pair as usize + 1], self.import(rest)));
+            }
+            (Cell::Obj(at), other @ Cell::Struct(_)) | (other @ Cell::Struct(_), Cell::Obj(at)) => {
+                match self.open_object(at) {
+                    Some(open @ Cell::Struct(_)) => return Ok(Inside::Rest(open, other)),
+                    _ => return Ok(Inside::Differ),
+                }
+            }
+            (Cell::Task(a), Cell::Task(b)) if a == b => {}
+            _ => return Ok(Inside::Differ),
+        }
+        Ok(Inside::Same)
     }
 
     /// True if the variable at `at` is part of `term`.
+    ///
+    /// # Errors
+    /// [`TooLarge`]
     #[inline(always)]
-    pub fn occurs(&self, at: u32, term: Cell) -> Result<bool, TooLarge> {
+    pub fn occurs(&mut self, at: u32, term: Cell) -> Result<bool, TooLarge> {
         match term {
             Cell::Pair(_) | Cell::Struct(_) => self.occurs_deep(at, term),
             _ => Ok(false),
@@ -359,13 +437,39 @@ impl Store {
     }
 
     #[inline(never)]
-    fn occurs_deep(&self, at: u32, term: Cell) -> Result<bool, TooLarge> {
-        let mut found = false;
-        self.walk(term, |cell| {
-            found |= matches!(cell, Cell::Ref(it) if it == at);
-            !found
-        })?;
-        Ok(found)
+    fn occurs_deep(&mut self, at: u32, term: Cell) -> Result<bool, TooLarge> {
+        let mut todo = std::mem::take(&mut self.inner);
+        todo.clear();
+        let result = self.occurs_in(at, term, &mut todo);
+        self.inner = todo;
+        result
+    }
+
+    /// Goes along lists, too.
+    fn occurs_in(&self, at: u32, term: Cell, todo: &mut Vec<Cell>) -> Result<bool, TooLarge> {
+        let mut next = term;
+        for _ in 0..MOST_CELLS {
+            match self.deref(next) {
+                Cell::Ref(var) if var == at => return Ok(true),
+                Cell::Pair(pair) => {
+                    let [first, rest] = self.pair_at(pair);
+                    match self.deref(first) {
+                        Cell::Ref(var) if var == at => return Ok(true),
+                        inner @ (Cell::Pair(_) | Cell::Struct(_)) => todo.push(inner),
+                        _ => {}
+                    }
+                    next = rest;
+                    continue;
+                }
+                Cell::Struct(structure) => todo.extend_from_slice(self.parts(structure).1),
+                _ => {}
+            }
+            match todo.pop() {
+                Some(more) => next = more,
+                None => return Ok(false),
+            }
+        }
+        Err(TooLarge)
     }
 
     /// Visits a term and all its parts until `visit` says false.
@@ -374,10 +478,7 @@ impl Store {
         let mut steps = 0;
         while let Some(cell) = todo.pop() {
             let cell = self.deref(cell);
-            steps += 1;
-            if steps > MOST_CELLS {
-                return Err(TooLarge);
-            }
+            step(&mut steps)?;
             if !visit(cell) {
                 return Ok(());
             }
@@ -411,6 +512,12 @@ impl Store {
         Ok(found)
     }
 
+    /// The parts of two cells of lists are to be compared, first parts first.
+    fn add_parts(&self, a: u32, b: u32, todo: &mut Vec<(Cell, Cell)>) {
+        let ([a, rest], [b, other]) = (self.pair_at(a), self.pair_at(b));
+        todo.extend([(rest, other), (a, b)]);
+    }
+
     /// True if two terms are the same as they are, without binding anything.
     ///
     /// # Errors
@@ -419,17 +526,13 @@ impl Store {
         let mut todo = vec![(a, b)];
         let mut steps = 0;
         while let Some((a, b)) = todo.pop() {
-            steps += 1;
-            if steps > MOST_CELLS {
-                return Err(TooLarge);
-            }
+            step(&mut steps)?;
             let same = match (self.deref(a), self.deref(b)) {
                 (Cell::Ref(a), Cell::Ref(b)) => a == b,
                 (Cell::Imm(a), Cell::Imm(b)) => same_imm(&a, &b),
                 (Cell::Task(a), Cell::Task(b)) => a == b,
                 (Cell::Pair(a), Cell::Pair(b)) => {
-                    todo.push((self.heap[a as usize + 1], self.heap[b as usize + 1]));
-                    todo.push((self.heap[a as usize], self.heap[b as usize]));
+                    self.add_parts(a, b, &mut todo);
                     true
                 }
                 (Cell::Struct(a), Cell::Struct(b)) => {
@@ -466,10 +569,7 @@ impl Store {
         let mut todo = vec![(pattern, term)];
         let mut steps = 0;
         while let Some((pattern, term)) = todo.pop() {
-            steps += 1;
-            if steps > MOST_CELLS {
-                return Err(TooLarge);
-            }
+            step(&mut steps)?;
             let pattern = self.open(pattern);
             if let Cell::Ref(at) = pattern {
                 let term = self.deref(term);
@@ -483,8 +583,7 @@ impl Store {
             let term = self.open(term);
             match (pattern, term) {
                 (Cell::Pair(a), Cell::Pair(b)) => {
-                    todo.push((self.heap[a as usize + 1], self.heap[b as usize + 1]));
-                    todo.push((self.heap[a as usize], self.heap[b as usize]));
+                    self.add_parts(a, b, &mut todo);
                 }
                 (Cell::Struct(a), Cell::Struct(b)) => {
                     let ((s, x), (t, y)) = (self.parts(a), self.parts(b));
@@ -554,10 +653,7 @@ impl Store {
         let mut done: Vec<Value> = Vec::new();
         let mut steps = 0;
         while let Some(work) = todo.pop() {
-            steps += 1;
-            if steps > MOST_CELLS {
-                return Err(TooLarge);
-            }
+            step(&mut steps)?;
             match work {
                 Work::Enter(cell) => match self.deref(cell) {
                     Cell::Imm(imm) => done.push(Value::Imm(imm)),
@@ -609,10 +705,7 @@ impl Store {
         let mut todo = vec![root_at];
         let mut steps = 0;
         while let Some(at) = todo.pop() {
-            steps += 1;
-            if steps > MOST_CELLS {
-                return Err(TooLarge);
-            }
+            step(&mut steps)?;
             match self.heap[at as usize] {
                 Cell::Imm(Imm::Var(name)) => {
                     if let Some(n) = free_number(name) {
@@ -679,13 +772,21 @@ fn structure_value(shape: Shape, parts: Vec<Value>) -> Value {
     }
 }
 
-/// True if two values without heap parts have the same content.
+/// True if two values without heap parts have the same content. All is said here, so that both stay in registers.
 #[inline(always)]
 #[must_use]
 pub fn same_imm(a: &Imm, b: &Imm) -> bool {
-    match (a, b) {
-        (Imm::Float(a), Imm::Float(b)) => a.total_cmp(b) == Ordering::Equal || (a.is_nan() && b.is_nan()),
-        _ => a == b,
+    match (*a, *b) {
+        (Imm::Symbol(a), Imm::Symbol(b))
+        | (Imm::Keyword(a), Imm::Keyword(b))
+        | (Imm::Var(a), Imm::Var(b)) => a == b,
+        (Imm::Int(a), Imm::Int(b)) => a == b,
+        (Imm::Float(a), Imm::Float(b)) => a.total_cmp(&b) == Ordering::Equal || (a.is_nan() && b.is_nan()),
+        (Imm::Bool(a), Imm::Bool(b)) => a == b,
+        (Imm::Function(a), Imm::Function(b)) => a == b,
+        (Imm::Native(a), Imm::Native(b)) => a == b,
+        (Imm::Nil, Imm::Nil) | (Imm::Unset, Imm::Unset) => true,
+        _ => false,
     }
 }
 

@@ -11,6 +11,7 @@
 
 use std::rc::Rc;
 
+use hashbrown::hash_table::{Entry, HashTable};
 use rustc_hash::{FxHashMap, FxHasher};
 use std::hash::Hasher;
 
@@ -20,9 +21,10 @@ use crate::native::Raise;
 use crate::value::{Imm, Value};
 
 use super::Rules;
+use super::call::Frame;
 use super::clause::PredId;
-use super::engine::{Engine, Frame, too_large};
-use super::index::hash_value;
+use super::engine::{Engine, too_large};
+use super::index::{hash_imm, hash_value};
 use super::live::Live;
 use super::store::{Cell, Outside, Shape, Store, TooLarge};
 
@@ -41,6 +43,47 @@ pub(super) enum Kept {
 /// Terms that share variables.
 pub(super) type Row = Box<[Kept]>;
 
+/// The answers of a call: rows of the same length, each once, in the order in which they were found.
+pub(super) struct Rows {
+    arity: usize,
+    kept: Vec<Kept>,
+    count: u32,
+    /// Positions of rows by their content.
+    known: HashTable<u32>,
+}
+
+impl Rows {
+    fn new(arity: usize) -> Rows {
+        Rows { arity, kept: Vec::new(), count: 0, known: HashTable::new() }
+    }
+
+    /// How many there are.
+    pub fn count(&self) -> u32 {
+        self.count
+    }
+
+    /// A row by its position.
+    pub fn row(&self, at: u32) -> &[Kept] {
+        row_at(&self.kept, self.arity, at)
+    }
+
+    /// Adds a row, which is taken out of `row`. False if it is there already.
+    fn add(&mut self, row: &mut Vec<Kept>) -> bool {
+        let Rows { arity, kept, count, known } = self;
+        let hash_of = |at: &u32| hash(row_at(kept, *arity, *at));
+        let slot = known.entry(hash(row), |at| row_at(kept, *arity, *at) == *row, hash_of);
+        let Entry::Vacant(slot) = slot else { return false };
+        slot.insert(*count);
+        *count += 1;
+        kept.append(row);
+        true
+    }
+}
+
+fn row_at(kept: &[Kept], arity: usize, at: u32) -> &[Kept] {
+    &kept[at as usize * arity..][..arity]
+}
+
 fn keep(
     store: &Store,
     cells: impl IntoIterator<Item = Cell>,
@@ -48,6 +91,18 @@ fn keep(
     outside: &dyn Outside,
 ) -> Result<Row, TooLarge> {
     let mut row = Vec::new();
+    keep_in(&mut row, store, cells, vars, outside)?;
+    Ok(row.into())
+}
+
+/// Keeps terms at the end of a row.
+fn keep_in(
+    row: &mut Vec<Kept>,
+    store: &Store,
+    cells: impl IntoIterator<Item = Cell>,
+    vars: &mut Vec<u32>,
+    outside: &dyn Outside,
+) -> Result<(), TooLarge> {
     for cell in cells {
         row.push(match store.deref(cell) {
             Cell::Imm(imm) => Kept::Imm(imm),
@@ -68,7 +123,7 @@ fn keep(
             }
         });
     }
-    Ok(row.into())
+    Ok(())
 }
 
 fn restore(store: &mut Store, kept: &Kept, vars: &mut Vec<Cell>) -> Result<Cell, TooLarge> {
@@ -86,11 +141,11 @@ fn restore(store: &mut Store, kept: &Kept, vars: &mut Vec<Cell>) -> Result<Cell,
     })
 }
 
-fn hash(row: &Row) -> u64 {
+fn hash(row: &[Kept]) -> u64 {
     let mut hasher = FxHasher::default();
     for kept in row {
         match kept {
-            Kept::Imm(imm) => hasher.write_u64(hash_value(&Value::Imm(*imm))),
+            Kept::Imm(imm) => hasher.write_u64(hash_imm(imm)),
             Kept::Var(n) => hasher.write_u32(*n),
             Kept::Value(value) | Kept::Open(value) => hasher.write_u64(hash_value(value)),
         }
@@ -100,24 +155,28 @@ fn hash(row: &Row) -> u64 {
 
 /// What comes after a call that waits for answers, up to the end of a clause of a table.
 struct Rest {
+    what: Rc<Unfinished>,
+    /// How many answers it has gone on with.
+    next: u32,
+    /// It waits for its turn.
+    queued: bool,
+}
+
+/// A clause of a table that is half done.
+struct Unfinished {
     /// The table whose answer it ends with.
     producer: u32,
     /// The frames, outermost first: where each goes on, and which of its registers it needs.
     frames: Vec<(u32, Rc<Live>)>,
     /// Arguments of the producer, arguments of the call, registers of the frames.
     kept: Row,
-    /// How many answers it has gone on with.
-    next: usize,
-    /// It waits for its turn.
-    queued: bool,
 }
 
 /// The answers of one call.
 struct Table {
     predicate: PredId,
     call: Row,
-    answers: Rc<Vec<Row>>,
-    seen: FxHashMap<u64, Vec<u32>>,
+    answers: Rc<Rows>,
     rests: Vec<Rest>,
     complete: bool,
 }
@@ -130,6 +189,9 @@ pub struct Tables {
     /// Leaders that are open, the newest last.
     leaders: Vec<Leader>,
     answers: usize,
+    /// Memory for a row and for the terms of one.
+    row: Vec<Kept>,
+    cells: Vec<Cell>,
 }
 
 /// A call that waits until its table and all that this one needs are full.
@@ -157,27 +219,21 @@ impl Tables {
     fn add(&mut self, predicate: PredId, call: Row) -> u32 {
         let at = self.tables.len() as u32;
         self.index.entry((predicate, hash(&call))).or_default().push(at);
-        self.tables.push(Table {
-            predicate,
-            call,
-            answers: Rc::default(),
-            seen: FxHashMap::default(),
-            rests: Vec::new(),
-            complete: false,
-        });
+        let answers = Rc::new(Rows::new(call.len()));
+        self.tables.push(Table { predicate, call, answers, rests: Vec::new(), complete: false });
         at
     }
 
-    /// An answer of a table; what waits for it goes on.
-    fn answer(&mut self, table: u32, answer: Row) {
+    /// An answer of a table, which is taken out of `answer`; what waits for it goes on.
+    fn answer(&mut self, table: u32, answer: &mut Vec<Kept>) {
         let it = &mut self.tables[table as usize];
-        let known = it.seen.entry(hash(&answer)).or_default();
-        if known.iter().any(|at| it.answers[*at as usize] == answer) {
+        let terms = answer.len();
+        // Answers are shared when the table is complete only.
+        let Some(answers) = Rc::get_mut(&mut it.answers) else { return };
+        if !answers.add(answer) {
             return;
         }
-        known.push(it.answers.len() as u32);
-        self.answers += answer.len();
-        Rc::make_mut(&mut it.answers).push(answer);
+        self.answers += terms;
         let Some(leader) = self.leaders.last_mut() else { return };
         for (n, rest) in it.rests.iter_mut().enumerate() {
             if !std::mem::replace(&mut rest.queued, true) {
@@ -265,9 +321,10 @@ impl Engine {
         }
         let kept = keep(&self.store, cells, &mut Vec::new(), &self.view).map_err(too_large)?;
         let it = &mut self.tables.tables[table as usize];
-        let queued = !it.answers.is_empty();
+        let queued = it.answers.count() > 0;
         let n = it.rests.len() as u32;
-        it.rests.push(Rest { producer: number as u32, frames: lives, kept, next: 0, queued });
+        let what = Rc::new(Unfinished { producer: number as u32, frames: lives, kept });
+        it.rests.push(Rest { what, next: 0, queued });
         if queued && let Some(leader) = self.tables.leaders.last_mut() {
             leader.queue.push((table, n));
         }
@@ -283,21 +340,24 @@ impl Engine {
         }
         if let Some((table, n)) = leader.queue.pop() {
             let it = &mut self.tables.tables[table as usize];
-            let (rest, answers) = (&mut it.rests[n as usize], it.answers.len());
+            let (rest, answers) = (&mut it.rests[n as usize], it.answers.count());
             let answer = rest.next;
             rest.next += 1;
             rest.queued = rest.next < answers;
             if rest.queued {
                 leader.queue.push((table, n));
             }
-            return self.go_on_with(program, table, n as usize, answer);
+            let (what, answers) = (rest.what.clone(), it.answers.clone());
+            let mut cells = std::mem::take(&mut self.tables.cells);
+            let result = self.go_on_with(program, &what, answers.row(answer), &mut cells);
+            self.tables.cells = cells;
+            return result;
         }
         let first = leader.first;
         self.tables.leaders.pop();
         for table in &mut self.tables.tables[first as usize..] {
             table.complete = true;
             table.rests = Vec::new();
-            table.seen = FxHashMap::default();
         }
         let answers = self.tables.tables[first as usize].answers.clone();
         self.replace_leader(answers, arity);
@@ -305,9 +365,9 @@ impl Engine {
     }
 
     /// The frame that an answer of `table` returns to, with the arguments of its call.
-    fn producer_frame(&mut self, table: u32, args: Vec<Cell>) -> u32 {
+    fn producer_frame(&mut self, table: u32, args: &[Cell]) -> u32 {
         let base = self.room(2);
-        let args = self.store.structure(Shape::Vector, args);
+        let args = self.store.structure(Shape::Vector, args.iter().copied());
         self.stack[base as usize] = Cell::int(table.into());
         self.stack[base as usize + 1] = args;
         self.push_frame(TABLED, base);
@@ -324,37 +384,38 @@ impl Engine {
         for kept in &call {
             args.push(restore(&mut self.store, kept, &mut vars).map_err(too_large)?);
         }
-        let base = self.producer_frame(table, args.clone());
+        let base = self.producer_frame(table, &args);
         self.base = base;
         self.room(args.len());
         self.stack[base as usize..][..args.len()].copy_from_slice(&args);
         Ok(self.enter_clauses(&program.rules, predicate))
     }
 
-    /// Goes on with the `n`-th rest at `table`, for one of its answers.
-    fn go_on_with(&mut self, program: &Program, table: u32, n: usize, answer: usize) -> Result<bool, Raise> {
-        let it = &self.tables.tables[table as usize];
-        let (rest, answer) = (&it.rests[n], &it.answers[answer]);
-        let producer = rest.producer;
-        let arity =
-            program.rules.predicates[self.tables.tables[producer as usize].predicate.at()].declared.arity;
+    /// Goes on with a rest of a clause, for an answer of what it waits for. `cells` is memory.
+    fn go_on_with(
+        &mut self,
+        program: &Program,
+        rest: &Unfinished,
+        answer: &[Kept],
+        cells: &mut Vec<Cell>,
+    ) -> Result<bool, Raise> {
+        let producer = self.tables.tables[rest.producer as usize].predicate;
+        let arity = usize::from(program.rules.predicates[producer.at()].declared.arity);
         let mut vars = Vec::new();
-        let mut cells = Vec::with_capacity(rest.kept.len());
+        cells.clear();
         for kept in &rest.kept {
             cells.push(restore(&mut self.store, kept, &mut vars).map_err(too_large)?);
         }
-        let mut vars = Vec::new();
-        let call = &cells[usize::from(arity)..];
-        for (kept, cell) in answer.iter().zip(call) {
+        vars.clear();
+        for (kept, cell) in answer.iter().zip(&cells[arity..]) {
             let value = restore(&mut self.store, kept, &mut vars).map_err(too_large)?;
             if !self.store.unify(*cell, value).map_err(too_large)? {
                 return Ok(false);
             }
         }
-        let mut registers = usize::from(arity) + answer.len();
-        let frames = rest.frames.clone();
-        let mut base = self.producer_frame(producer, cells[..usize::from(arity)].to_vec());
-        for (pc, live) in &frames {
+        let mut registers = arity + answer.len();
+        let mut base = self.producer_frame(rest.producer, &cells[..arity]);
+        for (pc, live) in &rest.frames {
             self.base = base;
             let size = live.registers.iter().map(|r| usize::from(*r) + 1).max().unwrap_or(0);
             self.room(size);
@@ -372,14 +433,17 @@ impl Engine {
     /// A clause of a table holds: an answer, and on to the next.
     pub(super) fn table_answer(&mut self, table: Cell, args: Cell) -> Result<(), Raise> {
         let (Cell::Imm(Imm::Int(table)), Cell::Struct(at)) = (table, args) else { return Ok(()) };
-        let args = self.store.parts(at).1.to_vec();
-        let answer = keep(&self.store, args, &mut Vec::new(), &self.view).map_err(too_large)?;
-        self.tables.answer(table as u32, answer);
+        let mut row = std::mem::take(&mut self.tables.row);
+        row.clear();
+        let args = self.store.parts(at).1.iter().copied();
+        keep_in(&mut row, &self.store, args, &mut Vec::new(), &self.view).map_err(too_large)?;
+        self.tables.answer(table as u32, &mut row);
+        self.tables.row = row;
         Ok(())
     }
 
     /// Unifies the arguments of a call with an answer.
-    pub(super) fn take_answer(&mut self, answer: &Row) -> Result<bool, Raise> {
+    pub(super) fn take_answer(&mut self, answer: &[Kept]) -> Result<bool, Raise> {
         let mut vars = Vec::new();
         for (n, kept) in answer.iter().enumerate() {
             let value = restore(&mut self.store, kept, &mut vars).map_err(too_large)?;
