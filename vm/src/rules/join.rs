@@ -21,7 +21,7 @@ use std::rc::Rc;
 use crate::native::Raise;
 use crate::value::{Imm, Value};
 
-use super::clause::{Goal, Term};
+use super::clause::{Goal, GoalKind, Term};
 use super::native::{Alternatives, Call, Found};
 use super::store::Cell;
 use super::tree::{TaskArg, task_arg};
@@ -140,9 +140,11 @@ impl Rel {
     fn vars(self) -> u64 {
         match self {
             Rel::Task(a) | Rel::Edited(a) | Rel::Form(a, _) => bit(a),
-            Rel::Attr(_, a, b) | Rel::Child(a, b) | Rel::Below(a, b) | Rel::Before(a, b) | Rel::Same(a, b) => {
-                bit(a) | bit(b)
-            }
+            Rel::Attr(_, a, b)
+            | Rel::Child(a, b)
+            | Rel::Below(a, b)
+            | Rel::Before(a, b)
+            | Rel::Same(a, b) => bit(a) | bit(b),
         }
     }
 
@@ -220,6 +222,7 @@ struct Step {
 
 /// How a join is answered.
 pub struct Order {
+    join: Rc<Join>,
     steps: Vec<Step>,
     /// From this step on answers are sorted; the number of steps if they come in order.
     sorted_from: usize,
@@ -232,11 +235,29 @@ pub struct Order {
     is_empty: bool,
 }
 
-impl Order {
-    /// The goals of each step, how often it was expected to hold, and how often it has held.
-    pub fn steps(&self) -> impl Iterator<Item = (&[usize], f64, u64)> {
-        self.steps.iter().map(|step| (&step.goals[..], step.expected, step.held.get()))
+/// The goals of a join in the order in which a query over a tree has asked them, how often each step was
+/// expected to hold, and how often it has; nothing for another goal. A goal that is no step of its own stands
+/// with the one that answers it.
+pub fn asked<'r>(
+    rules: &'r super::Rules,
+    view: &TreeView,
+    goal: &Goal,
+) -> Option<Vec<(Vec<&'r Goal>, f64, u64)>> {
+    let GoalKind::Call(predicate, args) = &goal.kind else { return None };
+    if rules.predicates[predicate.at()].declared.name != NAME {
+        return None;
     }
+    let Some(Term::Const(Value::Imm(Imm::Int(number)))) = args.first() else { return None };
+    let join = rules.joins.get(*number as usize)?;
+    let order = view.order_of(*number as u32).unwrap_or_else(|| Rc::new(Order::of(join, view, 0)));
+    let mut shown = vec![false; join.goals.len()];
+    let steps = order.steps.iter().filter_map(|step| {
+        let new: Vec<usize> = step.goals.iter().copied().filter(|at| !shown[*at]).collect();
+        new.iter().for_each(|at| shown[*at] = true);
+        let goals: Vec<&Goal> = new.iter().map(|at| &join.goals[*at].1).collect();
+        (!goals.is_empty()).then(|| (goals, step.expected, step.held.get()))
+    });
+    Some(steps.collect())
 }
 
 /// Puts the goals of a join in order.
@@ -255,13 +276,14 @@ struct Planner<'a> {
 struct Way {
     cost: f64,
     source: Source,
-    /// The goals that need not be asked any more.
+    /// The goals that it is about, and those of them that need not be asked any more.
+    shown: Vec<usize>,
     used: Vec<usize>,
 }
 
 impl Order {
     /// An order for a join when these variables are given.
-    fn new(join: &Join, view: &TreeView, given: u64, as_written: bool) -> Order {
+    fn new(join: &Rc<Join>, view: &TreeView, given: u64, as_written: bool) -> Order {
         let columns: Vec<Rc<Column>> = join.attrs.iter().map(|attr| view.column(*attr)).collect();
         let mut is_empty = false;
         let mut fixed = Vec::new();
@@ -288,7 +310,7 @@ impl Order {
             }
         }
         let (sorted_from, row) = sorted(join, &steps, &looked_for(&goals, given), given);
-        Order { steps, sorted_from, row, columns, fixed, is_empty }
+        Order { join: join.clone(), steps, sorted_from, row, columns, fixed, is_empty }
     }
 }
 
@@ -357,7 +379,13 @@ impl Planner<'_> {
             while let Some((at, op, binds, share)) = self.ready(&left, known) {
                 known |= binds;
                 rows *= share;
-                steps.push(Step { op, back: 0, goals: vec![left[at].0], expected: rows, held: Counter::new(0) });
+                steps.push(Step {
+                    op,
+                    back: 0,
+                    goals: vec![left[at].0],
+                    expected: rows,
+                    held: Counter::new(0),
+                });
                 left.remove(at);
             }
             let mut free = written.iter().copied().filter(|var| known & bit(*var) == 0);
@@ -377,7 +405,7 @@ impl Planner<'_> {
                 op: Op::Find(var, way.source),
                 back: 0,
                 expected: rows,
-                goals: way.used.iter().map(|at| left[*at].0).collect(),
+                goals: way.shown.iter().map(|at| left[*at].0).collect(),
                 held: Counter::new(0),
             });
             let mut at = 0;
@@ -504,7 +532,9 @@ impl Planner<'_> {
                 _ => None,
             })
         };
-        let mut best = Way { cost: all, source: Source::All, used: Vec::new() };
+        let about = left.iter().position(|goal| goal.1.vars() & bit(var) != 0);
+        let mut best =
+            Way { cost: all, source: Source::All, shown: about.into_iter().collect(), used: Vec::new() };
         let mut take = |way: Way| {
             if way.cost < best.cost {
                 best = way;
@@ -513,31 +543,40 @@ impl Planner<'_> {
         // Whatever is unknown of a column has to be fetched afterwards.
         let lists: Vec<(usize, u8, Option<Var>)> = rels()
             .filter_map(|(at, rel)| match rel {
-                Rel::Attr(attr, task, value) if task == var => Some((at, attr, Some(value).filter(|it| has(*it)))),
+                Rel::Attr(attr, task, value) if task == var => {
+                    Some((at, attr, Some(value).filter(|it| has(*it))))
+                }
                 _ => None,
             })
             .collect();
         let used = |at: usize, value: Option<Var>| if value.is_some() { vec![at] } else { Vec::new() };
         for (at, attr, value) in &lists {
             let cost = self.with(*attr, *value);
-            take(Way { cost, source: Source::Having(*attr, *value), used: used(*at, *value) });
+            let source = Source::Having(*attr, *value);
+            take(Way { cost, source, shown: vec![*at], used: used(*at, *value) });
         }
         for (at, rel) in rels() {
             match rel {
                 Rel::Child(above, task) if task == var && has(above) => {
-                    take(Way { cost: 3.0, source: Source::Children(above), used: vec![at] });
+                    take(Way { cost: 3.0, source: Source::Children(above), shown: vec![at], used: vec![at] });
                 }
                 Rel::Below(above, task) if task == var && has(above) => {
                     let below = self.size(above);
-                    take(Way { cost: below, source: Source::Below(above, None), used: vec![at] });
+                    take(Way {
+                        cost: below,
+                        source: Source::Below(above, None),
+                        shown: vec![at],
+                        used: vec![at],
+                    });
                     for (list, attr, value) in &lists {
                         let cost = self.with(*attr, *value) * below / all;
                         let source = Source::Below(above, Some((*attr, *value)));
-                        take(Way { cost, source, used: [vec![at], used(*list, *value)].concat() });
+                        let used = [vec![at], used(*list, *value)].concat();
+                        take(Way { cost, source, shown: vec![at, *list], used });
                     }
                 }
                 Rel::Below(above, task) if above == var && has(task) => {
-                    take(Way { cost: 4.0, source: Source::Above(task), used: vec![at] });
+                    take(Way { cost: 4.0, source: Source::Above(task), shown: vec![at], used: vec![at] });
                 }
                 _ => {}
             }
@@ -762,7 +801,9 @@ impl Work<'_> {
         match rel {
             Rel::Task(_) => true,
             Rel::Edited(task) => self.view.is_edited(at(task)),
-            Rel::Attr(attr, task, value) => self.columns[usize::from(attr)].of[at(task) as usize] == at(value),
+            Rel::Attr(attr, task, value) => {
+                self.columns[usize::from(attr)].of[at(task) as usize] == at(value)
+            }
             Rel::Child(above, task) => at(task) != 0 && self.view.parent(at(task)) == at(above),
             Rel::Below(above, task) => self.view.is_above(at(above), at(task)),
             Rel::Before(a, b) => self.view.is_before(at(a), at(b)),
@@ -833,7 +874,6 @@ fn known(view: &TreeView, value: &Value) -> u32 {
 
 /// A join that is being answered.
 struct Run {
-    join: Rc<Join>,
     order: Rc<Order>,
     given: u64,
     regs: Vec<u32>,
@@ -863,8 +903,7 @@ impl Run {
     /// Goes on for a stretch.
     fn go(&mut self, view: &TreeView) -> Came {
         let order = self.order.clone();
-        let join = self.join.clone();
-        let work = Work { view, join: &join, columns: &order.columns, spent: Counter::new(0) };
+        let work = Work { view, join: &order.join, columns: &order.columns, spent: Counter::new(0) };
         let mut left = STRETCH;
         loop {
             if let Some(row) = self.rows.get(self.next_row).filter(|_| !self.collecting) {
@@ -950,7 +989,7 @@ impl Run {
 
     /// Begins once more, in the order that is written: nothing has to be kept for that.
     fn begin_as_written(&mut self, view: &TreeView) {
-        self.order = Rc::new(Order::new(&self.join, view, self.given, true));
+        self.order = Rc::new(Order::new(&self.order.join, view, self.given, true));
         self.cursors = self.order.steps.iter().map(|_| Cursor::default()).collect();
         (self.rows, self.next_row, self.collecting) = (Vec::new(), 0, false);
         (self.at, self.forward) = (0, true);
@@ -986,9 +1025,10 @@ impl Run {
 
     /// The answer goes to the arguments of the call.
     fn bind(&self, call: &mut Call<'_>) -> Result<bool, Raise> {
-        for var in 0..self.join.args {
+        let join = &self.order.join;
+        for var in 0..join.args {
             let number = self.regs[var];
-            let holds = match self.join.vars[var] {
+            let holds = match join.vars[var] {
                 _ if self.given & bit(var as Var) != 0 => true,
                 Sort::Task => call.unify(var + 1, Cell::Task(number))?,
                 _ => call.unify_value(var + 1, &call.view.tree.value_of(number))?,
@@ -1059,6 +1099,8 @@ pub fn call(call: &mut Call<'_>) -> Result<Found, Raise> {
     }
     let key = (number as u32, given);
     let cached = view.orders.borrow().get(&key).cloned();
+    // The number may be another join's where two programs look at one tree.
+    let cached = cached.filter(|order| Rc::ptr_eq(&order.join, join));
     let order = cached.unwrap_or_else(|| {
         let order = Rc::new(Order::of(join, &view, given));
         view.orders.borrow_mut().insert(key, order.clone());
@@ -1079,7 +1121,6 @@ pub fn call(call: &mut Call<'_>) -> Result<Found, Raise> {
     order.fixed.iter().for_each(|(var, number)| regs[*var as usize] = *number);
     let cursors = order.steps.iter().map(|_| Cursor::default()).collect();
     let mut run = Run {
-        join: join.clone(),
         order,
         given,
         regs,
@@ -1109,7 +1150,7 @@ pub fn call(call: &mut Call<'_>) -> Result<Found, Raise> {
 
 impl Order {
     /// The order for a join: one that needs rows of too many columns is that which is written.
-    fn of(join: &Join, view: &TreeView, given: u64) -> Order {
+    fn of(join: &Rc<Join>, view: &TreeView, given: u64) -> Order {
         let order = Order::new(join, view, given, false);
         if order.row.len() <= WIDTH { order } else { Order::new(join, view, given, true) }
     }

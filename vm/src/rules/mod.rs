@@ -2,15 +2,16 @@
 //!
 //! [`clause`] is what the compiler makes of the text, [`lower`] makes instructions of it ([`op`]),
 //! [`engine`] runs them on the terms of a [`store`]. [`index`] finds the clauses and facts that can
-//! answer a call; [`gc`] takes away terms that nothing needs; [`tabling`] keeps what has been answered; [`native`] and [`tree`] are predicates that
-//! are written in Rust; [`why`] explains, with the clauses as text ([`show`]).
+//! answer a call; [`join`] answers goals that stand in a row and ask a tree; [`gc`] takes away terms that
+//! nothing needs; [`tabling`] keeps what has been answered; [`native`] and [`tree`] are predicates that are
+//! written in Rust; [`why`] explains, with the clauses as text ([`show`]).
 
 pub mod clause;
 mod collect;
 pub mod engine;
 mod gc;
 pub mod index;
-mod join;
+pub mod join;
 mod live;
 pub mod lower;
 pub mod native;

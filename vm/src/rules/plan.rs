@@ -6,6 +6,9 @@
 //! goals with one answer at the most to where they have it, and where a loop over tasks would follow that
 //! some other goal could look up, that goal goes first.
 //!
+//! Goals over the tree that stand in a row become a join (`segment.rs`, `join.rs`), which orders them itself
+//! when it is asked. What follows is for the clauses in which there is none.
+//!
 //! The order of answers stays. What makes several answers, a *generator*, keeps its place among its
 //! like; a look-up takes the place of another generator only if both give the same tasks in the order
 //! of the tree. Goals that depend on what has a value when they are met, or that do something else than
@@ -303,7 +306,10 @@ impl<'a> Order<'a> {
                     false => Role::Stays,
                 },
                 GoalKind::Not(_, shared) => {
-                    match is_pure_test(rules, goal) && bound.has_needed(goal) && shared.iter().all(|var| bound.has(*var)) {
+                    match is_pure_test(rules, goal)
+                        && bound.has_needed(goal)
+                        && shared.iter().all(|var| bound.has(*var))
+                    {
                         true => Role::Test,
                         false => Role::Stays,
                     }

@@ -57,9 +57,15 @@ pub fn joined(
                 let is_unify = |at: &usize| matches!(goals[*at].kind, GoalKind::Unify(..));
                 let rest: Vec<usize> = range.filter(|at| !joined.contains(at)).collect();
                 // What may give a variable its value goes before, as it makes fewer answers.
-                out.extend(rest.iter().filter(|at| row.is_passed(**at) && is_unify(at)).map(|at| goals[*at].clone()));
+                out.extend(
+                    rest.iter().filter(|at| row.is_passed(**at) && is_unify(at)).map(|at| goals[*at].clone()),
+                );
                 out.push(call);
-                out.extend(rest.iter().filter(|at| !(row.is_passed(**at) && is_unify(at))).map(|at| goals[*at].clone()));
+                out.extend(
+                    rest.iter()
+                        .filter(|at| !(row.is_passed(**at) && is_unify(at)))
+                        .map(|at| goals[*at].clone()),
+                );
             }
         }
     }
@@ -136,7 +142,9 @@ impl Segments<'_> {
         // Outside of a join a task may be written as a path, which is another thing.
         let mut is_sure = true;
         cond.each_rel(&mut |rel| match rel {
-            Rel::Same(a, b) if sorts[usize::from(a)] == Sort::Task => is_sure &= !is_outside(a) && !is_outside(b),
+            Rel::Same(a, b) if sorts[usize::from(a)] == Sort::Task => {
+                is_sure &= !is_outside(a) && !is_outside(b)
+            }
             _ => {}
         });
         if !is_sure {
@@ -319,7 +327,9 @@ impl<'a> Row<'a> {
                 Some(Cond::If(Box::new(test), Box::new(then), Box::new(otherwise)))
             }
             GoalKind::Unify(a, b) => self.unify(a, b, scope),
-            GoalKind::Identical(a @ Term::Var(_), b @ (Term::Var(_) | Term::Const(_))) => self.unify(a, b, scope),
+            GoalKind::Identical(a @ Term::Var(_), b @ (Term::Var(_) | Term::Const(_))) => {
+                self.unify(a, b, scope)
+            }
             GoalKind::Call(predicate, args) => match tree_name(self.rules, goal) {
                 Some(name) => self.over_tree(name, args, scope),
                 None => self.predicate(*predicate, args, scope, way),
@@ -478,7 +488,10 @@ impl<'a> Row<'a> {
             let others = goals.iter().enumerate().filter(|goal| !joined.contains(&goal.0));
             head.iter().any(|term| term.has_var(no)) || others.into_iter().any(|goal| has_var(goal.1, no))
         };
-        let seen: Vec<(VarNo, Var)> = self.names.iter().copied().filter(|name| is_seen(name.0)).collect();
+        // Of a variable without a sort the join says nothing.
+        let has_sort = |var: Var| self.sorts[usize::from(var)] != Sort::Unknown;
+        let seen = self.names.iter().copied().filter(|name| has_sort(name.1) && is_seen(name.0));
+        let seen: Vec<(VarNo, Var)> = seen.collect();
         if seen.len() > MOST_JOINED {
             return None;
         }

@@ -403,9 +403,7 @@ fn path(call: &mut Call<'_>) -> Result<Found, Raise> {
 fn subtask(call: &mut Call<'_>) -> Result<Found, Raise> {
     match (task_arg(call, 0), task_arg(call, 1)) {
         (TaskArg::None, _) | (_, TaskArg::None) | (_, TaskArg::Task(0)) => Ok(Found::No),
-        (TaskArg::Task(above), TaskArg::Task(task)) => {
-            Call::test(call.view.tree.parent(task) == above)
-        }
+        (TaskArg::Task(above), TaskArg::Task(task)) => Call::test(call.view.tree.parent(task) == above),
         (TaskArg::Free, TaskArg::Task(task)) => {
             let parent = call.view.tree.parent(task);
             let holds = call.unify(0, Cell::Task(parent))?;
@@ -415,14 +413,16 @@ fn subtask(call: &mut Call<'_>) -> Result<Found, Raise> {
             let below = call.view.tree.below(above);
             Ok(Found::Many(Box::new(Range { n: 1, next: below.start, end: below.end, children: true })))
         }
-        (TaskArg::Free, TaskArg::Free) => Ok(several_tasks(1, List::new(call.view.tree.all()), |call, task| {
-            // The root is below nothing.
-            if task == 0 {
-                return Ok(false);
-            }
-            let parent = call.view.tree.parent(task);
-            call.unify(0, Cell::Task(parent))
-        })),
+        (TaskArg::Free, TaskArg::Free) => {
+            Ok(several_tasks(1, List::new(call.view.tree.all()), |call, task| {
+                // The root is below nothing.
+                if task == 0 {
+                    return Ok(false);
+                }
+                let parent = call.view.tree.parent(task);
+                call.unify(0, Cell::Task(parent))
+            }))
+        }
     }
 }
 
@@ -521,14 +521,18 @@ fn before(call: &mut Call<'_>) -> Result<Found, Raise> {
     match (task_arg(call, 0), task_arg(call, 1)) {
         (TaskArg::None, _) | (_, TaskArg::None) => Ok(Found::No),
         (TaskArg::Task(a), TaskArg::Task(b)) => Call::test(call.view.tree.is_before(a, b)),
-        (TaskArg::Task(_), TaskArg::Free) => Ok(several_tasks(1, List::new(call.view.tree.all()), |call, b| {
-            let TaskArg::Task(a) = task_arg(call, 0) else { return Ok(false) };
-            Ok(call.view.tree.is_before(a, b))
-        })),
-        (TaskArg::Free, TaskArg::Task(_)) => Ok(several_tasks(0, List::new(call.view.tree.all()), |call, a| {
-            let TaskArg::Task(b) = task_arg(call, 1) else { return Ok(false) };
-            Ok(call.view.tree.is_before(a, b))
-        })),
+        (TaskArg::Task(_), TaskArg::Free) => {
+            Ok(several_tasks(1, List::new(call.view.tree.all()), |call, b| {
+                let TaskArg::Task(a) = task_arg(call, 0) else { return Ok(false) };
+                Ok(call.view.tree.is_before(a, b))
+            }))
+        }
+        (TaskArg::Free, TaskArg::Task(_)) => {
+            Ok(several_tasks(0, List::new(call.view.tree.all()), |call, a| {
+                let TaskArg::Task(b) = task_arg(call, 1) else { return Ok(false) };
+                Ok(call.view.tree.is_before(a, b))
+            }))
+        }
         (TaskArg::Free, TaskArg::Free) => Ok(pairs(TreeView::is_before)),
     }
 }

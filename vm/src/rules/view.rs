@@ -181,7 +181,9 @@ impl Column {
     pub fn with(&self, value: u32) -> List {
         let at = |value: usize| self.starts.get(value).copied().unwrap_or(0) as usize;
         match (value as usize) < self.starts.len() - 1 {
-            true => List { all: self.by_value.clone(), next: at(value as usize), end: at(value as usize + 1) },
+            true => {
+                List { all: self.by_value.clone(), next: at(value as usize), end: at(value as usize + 1) }
+            }
             false => List::default(),
         }
     }
@@ -456,6 +458,18 @@ impl TreeView {
         }
     }
 
+    /// The order in which a join has been answered here.
+    pub(super) fn order_of(&self, join: u32) -> Option<Rc<Order>> {
+        let orders = self.orders.borrow();
+        let given = orders.keys().filter(|key| key.0 == join).map(|key| key.1).min()?;
+        orders.get(&(join, given)).cloned()
+    }
+
+    /// Forgets the orders of joins and how often their goals have held.
+    pub(crate) fn forget_orders(&self) {
+        self.orders.borrow_mut().clear();
+    }
+
     /// How many tasks there are.
     #[must_use]
     pub fn len(&self) -> usize {
@@ -484,9 +498,9 @@ impl TreeView {
         }
         let mut values = self.values.borrow_mut();
         let of: Vec<u32> = match attr {
-            Attr::Param(key) => {
-                (self.rows.iter()).map(|row| self.raw(row, key).map_or(NONE, |it| values.intern(it))).collect()
-            }
+            Attr::Param(key) => (self.rows.iter())
+                .map(|row| self.raw(row, key).map_or(NONE, |it| values.intern(it)))
+                .collect(),
             Attr::Name => symbols(&mut values, self.rows.iter().map(|row| row.name)),
             Attr::Kind => symbols(&mut values, self.rows.iter().map(|row| row.kind)),
             Attr::Status => symbols(&mut values, self.rows.iter().map(|row| row.status)),
@@ -741,8 +755,7 @@ impl TreeView {
 /// Symbols as numbers of values.
 fn symbols(values: &mut Values, names: impl Iterator<Item = Symbol>) -> Vec<u32> {
     let mut known: FxHashMap<Symbol, u32> = FxHashMap::default();
-    let number =
-        |name| *known.entry(name).or_insert_with(|| values.intern(&Value::Imm(Imm::Symbol(name))));
+    let number = |name| *known.entry(name).or_insert_with(|| values.intern(&Value::Imm(Imm::Symbol(name))));
     names.map(number).collect()
 }
 
