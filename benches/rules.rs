@@ -225,17 +225,19 @@ const BOTH_HANDS: &str = "
       (bagof ?task (candidate ?_from ?_to ?task) ?tasks)
       (== ?tasks (?_ ?_ . ?_)))
   (<- (paper-query ?answer) (paper ?p1 ?p2) (== ?answer (?p1 ?p2)))
-  (<- (best-query ?answer) (best ?p1 ?p2) (== ?answer (?p1 ?p2))))
+  (<- (best-query ?answer) (best ?p1 ?p2) (== ?answer (?p1 ?p2)))
+  (<- (listing-query ?answer) (both-hands ?p1 ?p2) (== ?answer (?p1 ?p2))))
 ";
 
 fn both_hands(wanted: &dyn Fn(&str) -> bool, transports: usize) {
     let name = |what: &str| format!("both-hands/{transports}/{what}");
-    let kinds = ["cold", "all", "paper", "first", "paper-first", "group"];
+    let kinds = ["cold", "all", "paper", "listing", "first", "paper-first", "group"];
     if !kinds.iter().any(|kind| wanted(&name(kind))) {
         return;
     }
     let mut session = Session::new(Options::default());
-    load(&mut session, BOTH_HANDS);
+    let listing = Path::new(env!("CARGO_MANIFEST_DIR")).join("examples/11-rules/both_hands.pl");
+    load(&mut session, &format!("(use-rules {:?}) {BOTH_HANDS}", listing.display().to_string()));
     let (tree, facts) = synthetic(transports);
     let facts_file = temporary().join(format!("tree-{transports}.pl"));
     std::fs::write(&facts_file, facts).expect("a file can be written");
@@ -272,6 +274,16 @@ fn both_hands(wanted: &dyn Fn(&str) -> bool, transports: usize) {
     }
     if wanted(&name("paper")) {
         run("paper", "paper-query", all, 1, peer("paper", paper_runs), "must 1.5 x the best order");
+    }
+    if wanted(&name("listing")) {
+        run(
+            "listing",
+            "listing-query",
+            all,
+            1,
+            (None, Vec::new()),
+            "the rule of the paper, with its subtasks",
+        );
     }
     let per_answer = |(result, times): (Option<String>, Vec<f64>)| {
         (result, times.into_iter().map(|it| it / 1000.0).collect())

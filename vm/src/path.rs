@@ -102,6 +102,38 @@ impl Path {
     }
 }
 
+/// The children of places that somebody has looked at, by their names: for many looks at one tree.
+#[derive(Default)]
+pub struct Places(FxHashMap<SlotId, FxHashMap<Symbol, Vec<SlotId>>>);
+
+impl Path {
+    /// The same as [`Path::find`] for many paths of one tree, which stays as it is.
+    ///
+    /// # Errors
+    /// A sentence that names the step that is missing and its siblings.
+    pub fn find_with(&self, tree: &Tree, places: &mut Places) -> Result<SlotId, String> {
+        let mut at = ROOT;
+        for (depth, step) in self.steps.iter().enumerate() {
+            if depth == 0 && step.name == "top-level" {
+                continue;
+            }
+            let below = places.0.entry(at).or_insert_with(|| {
+                let mut by_name: FxHashMap<Symbol, Vec<SlotId>> = FxHashMap::default();
+                for child in tree.children(at) {
+                    by_name.entry(tree.slot(child).name).or_default().push(child);
+                }
+                by_name
+            });
+            let rank = (step.call as usize).checked_sub(1);
+            match rank.and_then(|rank| below.get(&step.name)?.get(rank)) {
+                Some(slot) => at = *slot,
+                None => return self.find(tree),
+            }
+        }
+        Ok(at)
+    }
+}
+
 /// The end of a path: `fetch / drive`, `drive :call 2`. A step without a number is any call of that name.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct PathEnd {

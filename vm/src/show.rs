@@ -62,6 +62,40 @@ fn named(program: &Program, tree: &Tree, rec: RecId, args: Vec<Value>) -> Vec<(S
     named.filter(|(_, value)| !value.is_unset()).collect()
 }
 
+/// Visits what rules see of the parameters of a record, without a copy of them. True for the description of an
+/// action: what rules see are its properties.
+pub(crate) fn each_param(
+    program: &Program,
+    tree: &Tree,
+    rec: RecId,
+    visit: &mut dyn FnMut(Symbol, &Value),
+) -> bool {
+    let record = tree.record(rec);
+    if record.kind == NodeKind::Action
+        && let Some(desc) = tree.arg(rec, 0)
+        && desc.as_desc().is_some()
+    {
+        // Its name says nothing; this one need not be looked up.
+        visit(tree.slot(record.slot).name, desc);
+        return true;
+    }
+    if record.kind == NodeKind::Action || record.args() == 0 {
+        let named = params(program, tree, rec);
+        named.iter().for_each(|(name, value)| visit(*name, value));
+        return false;
+    }
+    let names = plan_params(program, tree, rec).map_or(&[][..], |params| &params.names);
+    for at in 0..record.args() {
+        let Some(value) = tree.arg(rec, at).filter(|value| !value.is_unset()) else { continue };
+        match names.get(usize::from(at)) {
+            Some(name) if crate::code::is_pattern(name) => {}
+            Some(name) => visit(*name, value),
+            None => visit(Symbol::from(&at.to_string()), value),
+        }
+    }
+    false
+}
+
 fn plan_params<'p>(program: &'p Program, tree: &Tree, rec: RecId) -> Option<&'p Params> {
     let slot = tree.record(rec).slot;
     let site = program.sites.get(tree.slot(slot).key.site.at());

@@ -250,6 +250,14 @@ pub struct Record {
 const _: () = assert!(size_of::<Record>() == 64);
 const _: () = assert!(size_of::<Slot>() <= 72);
 
+impl Record {
+    /// How many parameters it has.
+    #[must_use]
+    pub fn args(&self) -> u8 {
+        self.args
+    }
+}
+
 /// Children may exist that the cursor has not seen: look before a slot is added.
 pub const RETRIED: u8 = 1;
 /// A driver ends the record, not the frame of the plan.
@@ -741,10 +749,19 @@ impl Tree {
     /// The children of a slot that this run reached, in the order of their first calls.
     #[must_use]
     pub fn children(&self, slot: SlotId) -> Vec<SlotId> {
-        let mut children: Vec<SlotId> =
-            self.all_children(slot).filter(|child| self.slots.get(child.0).run == self.run).collect();
-        children.sort_by_key(|child| self.slots.get(child.0).since);
+        let mut children = Vec::new();
+        self.children_into(slot, &mut children);
         children
+    }
+    /// The same into memory that is there.
+    pub fn children_into(&self, slot: SlotId, children: &mut Vec<SlotId>) {
+        children.clear();
+        let since = |child: &SlotId| self.slots.get(child.0).since;
+        children.extend(self.all_children(slot).filter(|child| self.slots.get(child.0).run == self.run));
+        // Nearly always they were made in this order.
+        if !children.is_sorted_by_key(since) {
+            children.sort_by_key(since);
+        }
     }
     /// The plan that `run-plan` ran, beside which edits may have put other tasks; without one, the
     /// last task of the root.

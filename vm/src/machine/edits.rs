@@ -7,7 +7,7 @@ use crate::edit::{Accepted, Edit, What};
 use crate::failure::{Builtin, Failure};
 use crate::host::{CodeRequest, Host};
 use crate::native::{Raise, type_error};
-use crate::path::Path;
+use crate::path::{Path, Places};
 use crate::tree::{NodeKind, ROOT, SlotId, Tree};
 use crate::value::{Obj, Symbol, Value};
 
@@ -23,9 +23,10 @@ impl Machine {
     ) -> Result<Value, Raise> {
         let mut tree = Tree::clone(tree.as_tree().ok_or_else(|| type_error("a tree", tree))?);
         let mut refused = Vec::new();
+        let mut places = Places::default();
         for value in crate::native::list(edits)? {
             let Some(Obj::Edit(edit)) = value.obj() else { return Err(type_error("an edit", &value)) };
-            match self.accept(host, &tree, edit) {
+            match self.accept(host, &tree, &mut places, edit) {
                 Ok((slot, accepted)) if waits_for_itself(&tree, slot, &accepted) => {
                     let why = format!("{} would wait for itself", Path::of(&tree, slot).show());
                     refused.push((value, why));
@@ -49,9 +50,10 @@ impl Machine {
         &mut self,
         host: &mut dyn Host,
         tree: &Tree,
+        places: &mut Places,
         edit: &Edit,
     ) -> Result<(SlotId, Accepted), String> {
-        let slot = edit.at.find(tree)?;
+        let slot = edit.at.find_with(tree, places)?;
         if slot == ROOT {
             return Err("the root is not called, so nothing can be changed there".into());
         }
@@ -93,13 +95,13 @@ impl Machine {
     /// A call whose value is used can be left out only with another value in its place.
     fn check_value(&self, tree: &Tree, slot: SlotId, edit: &Edit) -> Result<(), String> {
         let used = self.program.sites[tree.slot(slot).key.site.at()].value_used;
-        let path = Path::of(tree, slot).show();
+        let path = || Path::of(tree, slot).show();
         match &edit.what {
             What::Skip(None) if used => {
-                Err(format!("the value of {path} is used; say `:value v` for what it should be"))
+                Err(format!("the value of {} is used; say `:value v` for what it should be", path()))
             }
             What::Defer(_) if used => {
-                Err(format!("the value of {path} is used, so it cannot be performed later"))
+                Err(format!("the value of {} is used, so it cannot be performed later", path()))
             }
             What::WithParam(key, _) => {
                 let Some(rec) = tree.shown(slot) else { return Ok(()) };
@@ -113,8 +115,8 @@ impl Machine {
                 }
                 let known: Vec<&str> = known.iter().map(|name| name.as_str()).collect();
                 Err(match known.is_empty() {
-                    true => format!("{path} has no parameter `{key}`, and no other that has a name"),
-                    false => format!("{path} has no parameter `{key}`, only {}", known.join(", ")),
+                    true => format!("{} has no parameter `{key}`, and no other that has a name", path()),
+                    false => format!("{} has no parameter `{key}`, only {}", path(), known.join(", ")),
                 })
             }
             _ => Ok(()),

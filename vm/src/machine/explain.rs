@@ -159,14 +159,23 @@ impl Machine {
         let head = clause.head.clone();
         let counted = self.hidden(Clause { head, body, ..clause.clone() });
         let mut query = Query { engine: Engine::new(counted, inputs, view.clone(), false) };
+        view.tree.forget_orders();
         while self.next_answer_of(host, &mut query)?.is_some() {}
-        let held = |n: usize| query.engine.ticks.get(n).copied().unwrap_or(0);
-        let steps = goals.iter().zip(expected).enumerate().map(|(n, (goal, expected))| PlanStep {
-            goal: show::goal(&self.program, goal, &clause.vars),
-            expected,
-            held: held(n),
-        });
-        Ok(steps.collect())
+        let mut steps = Vec::new();
+        for (n, (goal, expected)) in goals.iter().zip(expected).enumerate() {
+            let text = |goal: &Goal| show::goal(&self.program, goal, &clause.vars);
+            match crate::rules::join::asked(&self.program.rules, &view.tree, goal) {
+                Some(parts) => steps.extend(parts.into_iter().map(|(goals, expected, held)| {
+                    let goals: Vec<String> = goals.into_iter().map(text).collect();
+                    PlanStep { goal: goals.join(" "), expected, held }
+                })),
+                None => {
+                    let held = query.engine.ticks.get(n).copied().unwrap_or(0);
+                    steps.push(PlanStep { goal: text(goal), expected, held });
+                }
+            }
+        }
+        Ok(steps)
     }
 
     /// Why a goal has no answer.

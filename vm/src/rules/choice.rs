@@ -177,6 +177,11 @@ impl Engine {
                             self.pop_choice();
                             return Ok(self.proceed());
                         }
+                        // The fuel is looked at, then it goes on.
+                        None if alternatives.is_busy() => {
+                            self.pc = super::FAIL.0;
+                            return Ok(true);
+                        }
                         None => self.pop_choice(),
                     }
                 }

@@ -95,7 +95,8 @@ pub(super) fn hash_imm(imm: &Imm) -> u64 {
         }
         Imm::Float(f) => {
             hasher.write_u8(4);
-            hasher.write_u64(f.to_bits());
+            // There is one nan, whatever its bits.
+            hasher.write_u64(if f.is_nan() { f64::NAN.to_bits() } else { f.to_bits() });
         }
         Imm::Symbol(name) => hasher.write_u64(name.precomputed_hash() ^ 5),
         Imm::Keyword(name) => hasher.write_u64(name.precomputed_hash() ^ 6),
@@ -116,35 +117,39 @@ pub(super) fn hash_imm(imm: &Imm) -> u64 {
 #[must_use]
 pub fn hash_value(value: &Value) -> u64 {
     const MOST: usize = 64;
+    if let Value::Imm(imm) = value {
+        return hash_imm(imm);
+    }
     let mut hasher = FxHasher::default();
-    let mut todo = vec![value.clone()];
+    let mut todo = vec![value];
     for _ in 0..MOST {
         let Some(value) = todo.pop() else { break };
-        let Value::Obj(obj) = &value else {
-            if let Value::Imm(imm) = &value {
+        let obj = match value {
+            Value::Imm(imm) => {
                 hasher.write_u64(hash_imm(imm));
+                continue;
             }
-            continue;
+            Value::Obj(obj) => obj,
         };
         match &**obj {
             Obj::Pair(first, rest) => {
                 hasher.write_u8(10);
-                todo.extend([rest.clone(), first.clone()]);
+                todo.extend([rest, first]);
             }
             Obj::Str(text) => hasher.write(text.as_bytes()),
             Obj::Vector(items) => {
                 hasher.write_usize(items.len());
-                todo.extend(items.iter().take(MOST).rev().cloned());
+                todo.extend(items.iter().take(MOST).rev());
             }
             Obj::Map(map) => {
                 hasher.write_usize(map.len());
-                todo.extend(map.iter().take(MOST).flat_map(|(key, value)| [value.clone(), key.clone()]));
+                todo.extend(map.iter().take(MOST).flat_map(|(key, value)| [value, key]));
             }
             Obj::Desc(desc) => {
                 hasher.write_u64(desc.kind.precomputed_hash());
                 for (key, value) in desc.properties() {
                     hasher.write_u64(key.precomputed_hash());
-                    todo.push(value.clone());
+                    todo.push(value);
                 }
             }
             _ => hasher.write_u8(11),

@@ -2,8 +2,10 @@
 //!
 //! [`clause`] is what the compiler makes of the text, [`lower`] makes instructions of it ([`op`]),
 //! [`engine`] runs them on the terms of a [`store`]: its loop is in [`steps`], its calls in [`call`], what it goes
-//! back to in [`choice`]. [`index`] finds the clauses and facts that can answer a call; [`gc`] takes away terms that nothing needs; [`tabling`] keeps what has been answered; [`native`] and [`tree`] are predicates that
-//! are written in Rust; [`why`] explains, with the clauses as text ([`show`]).
+//! back to in [`choice`]. [`index`] finds the clauses and facts that can answer a call; [`join`] answers goals that
+//! stand in a row and ask a tree; [`gc`] takes away terms that nothing needs; [`tabling`] keeps what has been
+//! answered; [`native`] and [`tree`] are predicates that are written in Rust; [`why`] explains, with the clauses as
+//! text ([`show`]).
 
 mod call;
 mod choice;
@@ -13,6 +15,7 @@ mod copies;
 pub mod engine;
 mod gc;
 pub mod index;
+pub mod join;
 mod live;
 pub mod lower;
 mod moves;
@@ -20,6 +23,7 @@ pub mod native;
 pub mod nearest;
 pub mod op;
 pub mod plan;
+mod segment;
 pub mod show;
 mod steps;
 pub mod store;
@@ -34,13 +38,14 @@ use std::rc::Rc;
 
 use clause::{Clause, Declared, Kind, PredId};
 use index::{ClauseIndex, Facts};
+use join::Join;
 use lower::Keys;
 use native::NativeRule;
 use op::RuleOp;
 use store::{CONSTANT, Cell, Outside};
 
 use crate::code::{Pc, Place};
-use crate::value::{Obj, Symbol, Value};
+use crate::value::{Symbol, Value};
 use view::TreeView;
 
 /// The name of the predicate that says which plan performs an action.
@@ -51,6 +56,9 @@ const GOAL: &str = "%goal-holds";
 
 /// Four megabytes: most queries end before.
 const COLLECT_FROM: usize = (4 << 20) / size_of::<Cell>();
+
+/// Where code fails.
+pub(crate) const FAIL: Pc = Pc(2);
 
 /// All rules of a program. Like its code it only grows, but clauses may be taken away.
 pub struct Rules {
@@ -78,6 +86,8 @@ pub struct Rules {
     pub collect_from: usize,
     /// The predicates that look tasks up below another one: directly, and anywhere.
     pub(crate) look_ups: [Option<PredId>; 2],
+    /// Goals over trees that are answered together: see [`join`].
+    pub joins: Vec<Rc<Join>>,
     constant_index: rustc_hash::FxHashMap<u64, Vec<u32>>,
     /// Predicates that have changed since they were compiled.
     changed: Vec<PredId>,
@@ -85,11 +95,11 @@ pub struct Rules {
 
 impl Default for Rules {
     fn default() -> Rules {
-        Rules {
+        let mut rules = Rules {
             predicates: Vec::new(),
-            // Where a query goes on when it holds, and a clause of a table.
-            code: vec![RuleOp::Answer, RuleOp::TableAnswer],
-            places: vec![Place::default(); 2],
+            // Where a query goes on when it holds, a clause of a table, and what has found nothing yet.
+            code: vec![RuleOp::Answer, RuleOp::TableAnswer, RuleOp::Fail],
+            places: vec![Place::default(); 3],
             extents: Vec::new(),
             lists: Vec::new(),
             constants: Rc::default(),
@@ -99,9 +109,17 @@ impl Default for Rules {
             goal: None,
             collect_from: COLLECT_FROM,
             look_ups: [None; 2],
+            joins: Vec::new(),
             constant_index: rustc_hash::FxHashMap::default(),
             changed: Vec::new(),
+        };
+        // The goals of joins come first, so that their numbers follow from their arguments.
+        for arity in 1..=plan::MOST_JOINED as u8 + 1 {
+            let name = Symbol::from(join::NAME);
+            let (kind, place) = (Kind::Native, Place::default());
+            rules.declare(Declared { name, arity, kind, tabled: false, place });
         }
+        rules
     }
 }
 
@@ -154,7 +172,7 @@ pub struct View {
 
 impl Outside for View {
     fn task(&self, task: u32) -> Value {
-        Value::new(Obj::Path(Box::new(self.tree.path(task))))
+        self.tree.path_value(task)
     }
 }
 
@@ -239,8 +257,11 @@ impl Rules {
         changed.dedup();
         let mut refused = Vec::new();
         for id in changed {
-            let planned: Vec<_> =
-                self.predicates[id.at()].clauses.iter().map(|clause| plan::plan(self, clause)).collect();
+            let mut joins = Vec::new();
+            let planned: Vec<_> = (self.predicates[id.at()].clauses.iter())
+                .map(|clause| plan::plan(self, clause, &mut joins))
+                .collect();
+            self.joins.extend(joins);
             let clauses = std::mem::take(&mut self.predicates[id.at()].clauses);
             let written = self.compile(clauses.iter(), &mut refused);
             let entries = written.iter().map(|clause| clause.0).collect();
@@ -324,6 +345,11 @@ impl Rules {
                 self.predicates[at].sees_world |= world;
             }
         }
+    }
+
+    /// The predicate of joins with so many arguments.
+    pub(crate) fn join_of(&self, args: usize) -> PredId {
+        PredId(args as u32)
     }
 
     /// True if the predicate is written in Rust.

@@ -39,6 +39,11 @@ pub trait Alternatives {
     /// What went wrong.
     fn next(&mut self, call: &mut Call<'_>) -> Result<Option<bool>, Raise>;
 
+    /// True if it has found nothing, but has only looked for a while: it is asked again.
+    fn is_busy(&self) -> bool {
+        false
+    }
+
     /// The terms that it needs for the answers to come, besides the arguments of the call.
     fn terms(&mut self) -> &mut [Cell] {
         &mut []
@@ -122,6 +127,9 @@ pub const TABLE: &[(&str, u8, NativeRule)] = &[
 /// The predicate of this name.
 #[must_use]
 pub fn find(name: &str, arity: u8) -> Option<NativeRule> {
+    if name == super::join::NAME {
+        return Some(super::join::call);
+    }
     let all = TABLE.iter().chain(super::tree::TABLE);
     all.into_iter().find(|it| it.0 == name && it.1 == arity).map(|it| it.2)
 }

@@ -6,22 +6,31 @@
 //! goals with one answer at the most to where they have it, and where a loop over tasks would follow that
 //! some other goal could look up, that goal goes first.
 //!
+//! Goals over the tree that stand in a row become a join (`segment.rs`, `join.rs`), which orders them itself
+//! when it is asked. What follows is for the clauses in which there is none.
+//!
 //! The order of answers stays. What makes several answers, a *generator*, keeps its place among its
 //! like; a look-up takes the place of another generator only if both give the same tasks in the order
 //! of the tree. Goals that depend on what has a value when they are met, or that do something else than
 //! answer (functions, collections, cuts), stay where they are.
 
+use std::rc::Rc;
+
 use super::Rules;
 use super::clause::{Clause, Goal, GoalKind, Kind, PredId, Term, VarNo};
+use super::join::Join;
+use super::segment;
 use super::tree::determined_by;
-use super::view::TreeView;
+use super::view::{Attr, TreeView};
 use super::why::conjuncts;
-use crate::value::{Symbol, Value};
+use crate::value::{Imm, Symbol, Value};
 
 /// How deep predicates are put in place.
 const DEPTH: usize = 8;
 /// A body with more goals is left as it is.
 const MOST: usize = 64;
+/// Variables that a join shares with other goals.
+pub const MOST_JOINED: usize = 20;
 
 /// A clause whose goals stand in a better order, and the predicates that were put in place.
 pub struct Planned {
@@ -31,9 +40,8 @@ pub struct Planned {
     pub inlined: Vec<PredId>,
 }
 
-/// Plans a clause; nothing if it stays as it is.
-#[must_use]
-pub fn plan(rules: &Rules, clause: &Clause) -> Option<Planned> {
+/// Plans a clause; nothing if it stays as it is. Its joins come behind those of the rules.
+pub fn plan(rules: &Rules, clause: &Clause, joins: &mut Vec<Rc<Join>>) -> Option<Planned> {
     if conjuncts(&clause.body).iter().any(|goal| has_cut(goal)) {
         return None;
     }
@@ -42,13 +50,19 @@ pub fn plan(rules: &Rules, clause: &Clause) -> Option<Planned> {
     for goal in conjuncts(&clause.body) {
         it.goal(goal, &mut way);
     }
-    let Inline { vars, inlined, goals, .. } = it;
+    let Inline { vars, mut inlined, goals, .. } = it;
     // Only goals over trees gain; what is a plain program stays as it is written.
     if goals.len() < 2 || goals.len() > MOST || !goals.iter().any(|goal| is_over_tree(rules, goal)) {
         return None;
     }
-    let order = Order::new(rules, &goals);
-    let goals = order.arrange(goals);
+    let first = rules.joins.len();
+    let goals = match segment::joined(rules, &clause.head, &goals, first, joins) {
+        Some((goals, used)) => {
+            inlined.extend(used);
+            goals
+        }
+        None => Order::new(rules, &goals).arrange(goals),
+    };
     let body = Goal { kind: GoalKind::And(goals), place: clause.body.place };
     let clause = Clause { body, vars, ..clause.clone() };
     Some(Planned { clause, inlined })
@@ -63,7 +77,7 @@ fn has_cut(goal: &Goal) -> bool {
     }
 }
 
-fn tree_name<'r>(rules: &'r Rules, goal: &Goal) -> Option<&'r str> {
+pub(super) fn tree_name<'r>(rules: &'r Rules, goal: &Goal) -> Option<&'r str> {
     let GoalKind::Call(predicate, _) = &goal.kind else { return None };
     let it = &rules.predicates[predicate.at()];
     (it.native.is_some() && determined_by(&it.declared.name).is_some()).then_some(it.declared.name.as_str())
@@ -94,7 +108,7 @@ pub fn expected(rules: &Rules, tree: &TreeView, clause: &Clause, given: usize) -
 fn answers(rules: &Rules, tree: &TreeView, goal: &Goal, bound: &Bound) -> f64 {
     /// A test holds every other time.
     const TEST: f64 = 0.5;
-    let tasks = tree.tasks.len() as f64;
+    let tasks = tree.len() as f64;
     let GoalKind::Call(predicate, args) = &goal.kind else {
         return if let GoalKind::Unify(..) | GoalKind::Is(..) = goal.kind { 1.0 } else { TEST };
     };
@@ -121,17 +135,25 @@ fn answers(rules: &Rules, tree: &TreeView, goal: &Goal, bound: &Bound) -> f64 {
                 (true, _) => 1.0,
                 (false, true) => match args.get(value) {
                     Some(Term::Const(value)) => tree.with(key, value).len() as f64,
-                    _ => tree.having(key).len() as f64 / tree.distinct(key).max(1) as f64,
+                    _ => having(tree, key) / tree.column(Attr::Param(key)).distinct.max(1) as f64,
                 },
-                (false, false) => tree.having(key).len() as f64,
+                (false, false) => having(tree, key),
             }
         }
-        "task-name" if !has(0) => constant(1).map_or(tasks, |name| tree.named(name).len() as f64),
+        "task-name" if !has(0) => constant(1).map_or(tasks, |name| named(tree, name)),
         "subtask" if has(0) => 3.0,
         "subtask+" | "before" if has(0) || has(1) => tasks / 2.0,
         _ if has(0) => 1.0,
         _ => tasks,
     }
+}
+
+fn having(tree: &TreeView, key: Symbol) -> f64 {
+    tree.column(Attr::Param(key)).having().len() as f64
+}
+
+fn named(tree: &TreeView, name: Symbol) -> f64 {
+    tree.column(Attr::Name).with(tree.number(&Value::Imm(Imm::Symbol(name)))).len() as f64
 }
 
 // ---------------------------------------------------------------------------------------------
@@ -283,10 +305,11 @@ impl<'a> Order<'a> {
                     true => Role::Test,
                     false => Role::Stays,
                 },
-                GoalKind::Not(inner, shared) => {
-                    let pure =
-                        conjuncts(inner).iter().all(|goal| is_movable_kind(goal) && is_total(rules, goal));
-                    match pure && bound.has_needed(goal) && shared.iter().all(|var| bound.has(*var)) {
+                GoalKind::Not(_, shared) => {
+                    match is_pure_test(rules, goal)
+                        && bound.has_needed(goal)
+                        && shared.iter().all(|var| bound.has(*var))
+                    {
                         true => Role::Test,
                         false => Role::Stays,
                     }
@@ -415,6 +438,12 @@ impl<'a> Order<'a> {
     }
 }
 
+/// True for a negation of goals that only answer.
+pub(super) fn is_pure_test(rules: &Rules, goal: &Goal) -> bool {
+    let GoalKind::Not(inner, _) = &goal.kind else { return false };
+    conjuncts(inner).iter().all(|goal| is_movable_kind(goal) && is_total(rules, goal))
+}
+
 /// True if a goal neither fails with an error nor goes on for ever.
 fn is_total(rules: &Rules, goal: &Goal) -> bool {
     match &goal.kind {
@@ -436,27 +465,27 @@ fn same_call(a: &Goal, b: &Goal) -> bool {
 
 /// The variables that have values.
 #[derive(Default, Clone)]
-struct Bound(Vec<VarNo>);
+pub(super) struct Bound(Vec<VarNo>);
 
 impl Bound {
-    fn has(&self, var: VarNo) -> bool {
+    pub(super) fn has(&self, var: VarNo) -> bool {
         self.0.contains(&var)
     }
 
-    fn has_term(&self, term: &Term) -> bool {
+    pub(super) fn has_term(&self, term: &Term) -> bool {
         let mut all = !matches!(term, Term::Any);
         term.each_var(&mut |var| all &= self.has(var));
         all && !contains_any(term)
     }
 
-    fn has_all(&self, goal: &Goal) -> bool {
+    pub(super) fn has_all(&self, goal: &Goal) -> bool {
         let mut all = true;
         goal.each_var(&mut |var| all &= self.has(var));
         all
     }
 
     /// True if what a test needs has values: all variables, for a negation those that it shares.
-    fn has_needed(&self, goal: &Goal) -> bool {
+    pub(super) fn has_needed(&self, goal: &Goal) -> bool {
         match &goal.kind {
             GoalKind::Not(inner, _) if matches!(inner.kind, GoalKind::Identical(..)) => self.has_all(goal),
             GoalKind::Not(_, shared) => shared.iter().all(|var| self.has(*var)),
@@ -473,7 +502,7 @@ impl Bound {
     }
 
     /// The goal has held.
-    fn after(&mut self, goal: &Goal) {
+    pub(super) fn after(&mut self, goal: &Goal) {
         match &goal.kind {
             // What is not known to give values is taken to give them: it stays where it is written.
             GoalKind::Call(_, args) | GoalKind::Fun(_, args, _) => {

@@ -11,30 +11,33 @@ use crate::value::{Imm, Obj, Symbol, Value};
 
 use super::native::{Alternatives, Call, Found, NativeRule};
 use super::store::Cell;
-use super::view::TreeView;
+use super::view::{Attr, Column, List, TreeView};
 
 /// The table of all of them.
 pub const TABLE: &[(&str, u8, NativeRule)] = &[
-    ("task", 1, |call| tasks(call, 0, |view, _| view.all(), |_, _| Ok(true))),
+    ("task", 1, |call| tasks(call, 0, |view, _| List::new(view.all()), |_, _| Ok(true))),
     ("task-name", 2, |call| {
         tasks(
             call,
             0,
-            |view, call| symbol_arg(call, 1).map_or_else(|| view.all(), |name| view.named(name)),
+            |view, call| match symbol_arg(call, 1) {
+                Some(name) => view.column(Attr::Name).with(view.number(&Value::Imm(Imm::Symbol(name)))),
+                None => List::new(view.all()),
+            },
             |call, task| {
-                let name = call.view.tree.tasks[task as usize].name;
+                let name = call.view.tree.name(task);
                 call.unify(1, Cell::Imm(Imm::Symbol(name)))
             },
         )
     }),
     ("task-type", 2, |call| column(call, Symbol::from("type"), 1)),
     ("task-param", 3, param),
-    ("task-param-written", 3, |call| properties(call, |task| task.written.as_ref().unwrap_or(&task.params))),
+    ("task-param-written", 3, |call| properties(call, TreeView::written_params)),
     ("task-kind", 2, |call| {
         tasks(
             call,
             0,
-            |view, _| view.all(),
+            |view, _| List::new(view.all()),
             |call, task| {
                 let (kind, _) = call.view.tree.words(task);
                 call.unify(1, Cell::Imm(Imm::Symbol(kind)))
@@ -45,29 +48,29 @@ pub const TABLE: &[(&str, u8, NativeRule)] = &[
         tasks(
             call,
             0,
-            |view, _| view.all(),
+            |view, _| List::new(view.all()),
             |call, task| {
                 let (_, status) = call.view.tree.words(task);
                 call.unify(1, Cell::Imm(Imm::Symbol(status)))
             },
         )
     }),
-    ("task-value", 2, |call| functional(call, |task| Some(task.value.clone()))),
-    ("task-failure", 2, |call| functional(call, |task| task.failure.clone())),
-    ("task-grounded", 2, |call| functional(call, |task| task.grounded.clone())),
-    ("task-start", 2, |call| functional(call, |task| Some(Value::float(task.start)))),
-    ("task-end", 2, |call| functional(call, |task| task.end.map(Value::float))),
+    ("task-value", 2, |call| functional(call, |view, task| Some(view.value(task)))),
+    ("task-failure", 2, |call| functional(call, TreeView::failure)),
+    ("task-grounded", 2, |call| functional(call, TreeView::grounded)),
+    ("task-start", 2, |call| functional(call, |view, task| Some(Value::float(view.start(task))))),
+    ("task-end", 2, |call| functional(call, |view, task| view.end(task).map(Value::float))),
     ("task-path", 2, path),
-    ("task-robot", 2, |call| functional(call, |_| None)),
-    ("task-method", 2, |call| functional(call, |_| None)),
+    ("task-robot", 2, |call| functional(call, |_, _| None)),
+    ("task-method", 2, |call| functional(call, |_, _| None)),
     ("task-attempt", 3, |call| {
-        several(call, |task| {
-            let numbered = (1..).zip(&task.attempts);
+        several(call, |view, task| {
+            let numbered = (1..).zip(view.attempts(task));
             numbered.map(|(n, attempt)| (Value::int(n), attempt.value())).collect()
         })
     }),
     ("task-edit", 2, |call| {
-        several(call, |task| task.edits.iter().map(|edit| (edit.clone(), Value::NIL)).collect())
+        several(call, |view, task| view.edits(task).iter().map(|edit| (edit.clone(), Value::NIL)).collect())
     }),
     ("subtask", 2, subtask),
     ("subtask+", 2, subtasks),
@@ -75,7 +78,7 @@ pub const TABLE: &[(&str, u8, NativeRule)] = &[
     ("subtask+-with", 4, |call| with(call, false)),
     ("before", 2, before),
     ("edited", 1, |call| {
-        tasks(call, 0, |view, _| view.all(), |call, task| Ok(call.view.tree.is_edited(task)))
+        tasks(call, 0, |view, _| List::new(view.all()), |call, task| Ok(call.view.tree.is_edited(task)))
     }),
 ];
 
@@ -94,6 +97,9 @@ pub fn determined_by(name: &str) -> Option<&'static [usize]> {
     })
 }
 
+/// What a predicate says of a task.
+type Of<T> = fn(&TreeView, u32) -> T;
+
 fn symbol_arg(call: &Call<'_>, n: usize) -> Option<Symbol> {
     match call.arg(n) {
         Cell::Imm(Imm::Symbol(name) | Imm::Keyword(name)) => Some(name),
@@ -102,14 +108,14 @@ fn symbol_arg(call: &Call<'_>, n: usize) -> Option<Symbol> {
 }
 
 /// What stands where a task should.
-enum TaskArg {
+pub(super) enum TaskArg {
     Free,
     Task(u32),
     /// Something else, or a path to nothing.
     None,
 }
 
-fn task_arg(call: &Call<'_>, n: usize) -> TaskArg {
+pub(super) fn task_arg(call: &Call<'_>, n: usize) -> TaskArg {
     match call.arg(n) {
         Cell::Ref(_) => TaskArg::Free,
         Cell::Task(task) => TaskArg::Task(task),
@@ -128,7 +134,7 @@ type Holds = fn(&mut Call<'_>, u32) -> Result<bool, Raise>;
 fn tasks(
     call: &mut Call<'_>,
     n: usize,
-    which: impl FnOnce(&TreeView, &Call<'_>) -> Rc<Vec<u32>>,
+    which: impl FnOnce(&TreeView, &Call<'_>) -> List,
     holds: Holds,
 ) -> Result<Found, Raise> {
     match task_arg(call, n) {
@@ -139,30 +145,28 @@ fn tasks(
         }
         TaskArg::Free => {
             let list = which(&call.view.tree, call);
-            Ok(several_tasks(n, list, 0, holds))
+            Ok(several_tasks(n, list, holds))
         }
     }
 }
 
-fn several_tasks(n: usize, list: Rc<Vec<u32>>, from: usize, holds: Holds) -> Found {
-    if list.len() <= from { Found::No } else { Found::Many(Box::new(Tasks { n, list, next: from, holds })) }
+fn several_tasks(n: usize, list: List, holds: Holds) -> Found {
+    if list.is_empty() { Found::No } else { Found::Many(Box::new(Tasks { n, list, holds })) }
 }
 
 /// Tasks of a list that hold.
 struct Tasks {
     n: usize,
-    list: Rc<Vec<u32>>,
-    next: usize,
+    list: List,
     holds: Holds,
 }
 
 impl Alternatives for Tasks {
     fn next(&mut self, call: &mut Call<'_>) -> Result<Option<bool>, Raise> {
-        while let Some(task) = self.list.get(self.next) {
-            self.next += 1;
+        while let Some(task) = self.list.next() {
             let mark = call.store.mark();
-            if call.unify(self.n, Cell::Task(*task))? && (self.holds)(call, *task)? {
-                return Ok(Some(self.next < self.list.len()));
+            if call.unify(self.n, Cell::Task(task))? && (self.holds)(call, task)? {
+                return Ok(Some(!self.list.is_empty()));
             }
             call.store.back_to(mark);
         }
@@ -192,10 +196,10 @@ impl Alternatives for Range {
 }
 
 /// `(task-… ?task value)` where a task has one value at the most.
-fn functional(call: &mut Call<'_>, of: fn(&super::view::Task) -> Option<Value>) -> Result<Found, Raise> {
+fn functional(call: &mut Call<'_>, of: Of<Option<Value>>) -> Result<Found, Raise> {
     match task_arg(call, 0) {
         TaskArg::None => Ok(Found::No),
-        TaskArg::Task(task) => match of(&call.view.tree.tasks[task as usize]) {
+        TaskArg::Task(task) => match of(&call.view.tree, task) {
             Some(value) => {
                 let holds = call.unify_value(1, &value)?;
                 Call::test(holds)
@@ -208,19 +212,20 @@ fn functional(call: &mut Call<'_>, of: fn(&super::view::Task) -> Option<Value>) 
 
 struct Functional {
     next: u32,
-    of: fn(&super::view::Task) -> Option<Value>,
+    of: Of<Option<Value>>,
 }
 
 impl Alternatives for Functional {
     fn next(&mut self, call: &mut Call<'_>) -> Result<Option<bool>, Raise> {
-        let tasks = &call.view.tree.tasks;
-        while let Some(task) = tasks.get(self.next as usize) {
-            let number = self.next;
+        let tree = &call.view.tree;
+        let tasks = tree.len() as u32;
+        while self.next < tasks {
+            let task = self.next;
             self.next += 1;
-            let Some(value) = (self.of)(task) else { continue };
+            let Some(value) = (self.of)(tree, task) else { continue };
             let mark = call.store.mark();
-            if call.unify_value(1, &value)? && call.unify(0, Cell::Task(number))? {
-                return Ok(Some((self.next as usize) < tasks.len()));
+            if call.unify_value(1, &value)? && call.unify(0, Cell::Task(task))? {
+                return Ok(Some(self.next < tasks));
             }
             call.store.back_to(mark);
         }
@@ -229,11 +234,11 @@ impl Alternatives for Functional {
 }
 
 /// `(task-… ?task a b)` where a task may have several pairs; without `b` for predicates of two arguments.
-fn several(call: &mut Call<'_>, of: fn(&super::view::Task) -> Vec<(Value, Value)>) -> Result<Found, Raise> {
+fn several(call: &mut Call<'_>, of: Of<Vec<(Value, Value)>>) -> Result<Found, Raise> {
     let range = match task_arg(call, 0) {
         TaskArg::None => return Ok(Found::No),
         TaskArg::Task(task) => task..task + 1,
-        TaskArg::Free => 0..call.view.tree.tasks.len() as u32,
+        TaskArg::Free => 0..call.view.tree.len() as u32,
     };
     Ok(Found::Many(Box::new(Several { range, rows: Vec::new().into_iter(), task: 0, of })))
 }
@@ -242,7 +247,7 @@ struct Several {
     range: std::ops::Range<u32>,
     rows: std::vec::IntoIter<(Value, Value)>,
     task: u32,
-    of: fn(&super::view::Task) -> Vec<(Value, Value)>,
+    of: Of<Vec<(Value, Value)>>,
 }
 
 impl Alternatives for Several {
@@ -258,7 +263,7 @@ impl Alternatives for Several {
             }
             let Some(task) = self.range.next() else { return Ok(None) };
             self.task = task;
-            self.rows = (self.of)(&call.view.tree.tasks[task as usize]).into_iter();
+            self.rows = (self.of)(&call.view.tree, task).into_iter();
         }
     }
 }
@@ -272,46 +277,51 @@ fn bind_task(call: &mut Call<'_>, task: u32) -> Result<bool, Raise> {
     }
 }
 
+/// The tasks of which argument `n` may be the value.
+fn with_value(call: &Call<'_>, column: &Column, n: usize) -> List {
+    let number = match call.arg(n) {
+        Cell::Imm(imm) => call.view.tree.number(&Value::Imm(imm)),
+        Cell::Obj(at) => call.view.tree.number(call.store.object(at)),
+        _ => return column.having(),
+    };
+    column.with(number)
+}
+
 /// A property that argument `n` is the value of.
 fn column(call: &mut Call<'_>, key: Symbol, n: usize) -> Result<Found, Raise> {
     match task_arg(call, 0) {
         TaskArg::None => Ok(Found::No),
         TaskArg::Task(task) => match call.view.tree.param(task, key) {
             Some(value) => {
-                let holds = call.unify_value(n, value)?;
+                let holds = call.unify_value(n, &value)?;
                 Call::test(holds)
             }
             None => Ok(Found::No),
         },
         TaskArg::Free => {
-            let list = match call.arg(n) {
-                Cell::Imm(imm) => call.view.tree.with(key, &Value::Imm(imm)),
-                Cell::Obj(at) => call.view.tree.with(key, call.store.object(at)),
-                _ => call.view.tree.having(key),
-            };
+            let column = call.view.tree.column(Attr::Param(key));
+            let list = with_value(call, &column, n);
             Ok(match list.is_empty() {
                 true => Found::No,
-                false => Found::Many(Box::new(InColumn { key, n, list, next: 0 })),
+                false => Found::Many(Box::new(InColumn { column, n, list })),
             })
         }
     }
 }
 
 struct InColumn {
-    key: Symbol,
+    column: Rc<Column>,
     n: usize,
-    list: Rc<Vec<u32>>,
-    next: usize,
+    list: List,
 }
 
 impl Alternatives for InColumn {
     fn next(&mut self, call: &mut Call<'_>) -> Result<Option<bool>, Raise> {
-        while let Some(task) = self.list.get(self.next) {
-            self.next += 1;
-            let Some(value) = call.view.tree.param(*task, self.key) else { continue };
+        while let Some(task) = self.list.next() {
+            let value = call.view.tree.value_of(self.column.of[task as usize]);
             let mark = call.store.mark();
-            if call.unify(0, Cell::Task(*task))? && call.unify_value(self.n, value)? {
-                return Ok(Some(self.next < self.list.len()));
+            if call.unify(0, Cell::Task(task))? && call.unify_value(self.n, &value)? {
+                return Ok(Some(!self.list.is_empty()));
             }
             call.store.back_to(mark);
         }
@@ -323,49 +333,43 @@ impl Alternatives for InColumn {
 fn param(call: &mut Call<'_>) -> Result<Found, Raise> {
     match call.arg(1) {
         Cell::Imm(Imm::Symbol(key) | Imm::Keyword(key)) => column(call, key, 2),
-        Cell::Ref(_) => properties(call, |task| &task.params),
+        Cell::Ref(_) => properties(call, TreeView::params),
         _ => Ok(Found::No),
     }
 }
 
 /// All properties of a task, or of all.
-fn properties(
-    call: &mut Call<'_>,
-    of: fn(&super::view::Task) -> &Vec<(Symbol, Value)>,
-) -> Result<Found, Raise> {
+fn properties(call: &mut Call<'_>, of: Of<Vec<(Symbol, Value)>>) -> Result<Found, Raise> {
     let range = match task_arg(call, 0) {
         TaskArg::None => return Ok(Found::No),
         TaskArg::Task(task) => task..task + 1,
-        TaskArg::Free => 0..call.view.tree.tasks.len() as u32,
+        TaskArg::Free => 0..call.view.tree.len() as u32,
     };
-    Ok(Found::Many(Box::new(Properties { next: range.start, end: range.end, at: 0, of })))
+    Ok(Found::Many(Box::new(Properties { range, task: 0, rows: Vec::new().into_iter(), of })))
 }
 
 struct Properties {
-    next: u32,
-    end: u32,
-    at: usize,
-    of: fn(&super::view::Task) -> &Vec<(Symbol, Value)>,
+    range: std::ops::Range<u32>,
+    task: u32,
+    rows: std::vec::IntoIter<(Symbol, Value)>,
+    of: Of<Vec<(Symbol, Value)>>,
 }
 
 impl Alternatives for Properties {
     fn next(&mut self, call: &mut Call<'_>) -> Result<Option<bool>, Raise> {
-        while self.next < self.end {
-            let task = self.next;
-            let all = (self.of)(&call.view.tree.tasks[task as usize]);
-            let Some((key, value)) = all.get(self.at) else {
-                (self.next, self.at) = (self.next + 1, 0);
-                continue;
-            };
-            self.at += 1;
-            let mark = call.store.mark();
-            let key = Cell::Imm(Imm::Symbol(*key));
-            if call.unify(1, key)? && call.unify_value(2, value)? && bind_task(call, task)? {
-                return Ok(Some(true));
+        loop {
+            for (key, value) in self.rows.by_ref() {
+                let mark = call.store.mark();
+                let key = Cell::Imm(Imm::Symbol(key));
+                if call.unify(1, key)? && call.unify_value(2, &value)? && bind_task(call, self.task)? {
+                    return Ok(Some(true));
+                }
+                call.store.back_to(mark);
             }
-            call.store.back_to(mark);
+            let Some(task) = self.range.next() else { return Ok(None) };
+            self.task = task;
+            self.rows = (self.of)(&call.view.tree, task).into_iter();
         }
-        Ok(None)
     }
 }
 
@@ -387,9 +391,9 @@ fn path(call: &mut Call<'_>) -> Result<Found, Raise> {
     tasks(
         call,
         0,
-        |view, _| view.all(),
+        |view, _| List::new(view.all()),
         |call, task| {
-            let path = Value::new(Obj::Path(Box::new(call.view.tree.path(task))));
+            let path = call.view.tree.path_value(task);
             call.unify_value(1, &path)
         },
     )
@@ -399,11 +403,9 @@ fn path(call: &mut Call<'_>) -> Result<Found, Raise> {
 fn subtask(call: &mut Call<'_>) -> Result<Found, Raise> {
     match (task_arg(call, 0), task_arg(call, 1)) {
         (TaskArg::None, _) | (_, TaskArg::None) | (_, TaskArg::Task(0)) => Ok(Found::No),
-        (TaskArg::Task(above), TaskArg::Task(task)) => {
-            Call::test(call.view.tree.tasks[task as usize].parent == above)
-        }
+        (TaskArg::Task(above), TaskArg::Task(task)) => Call::test(call.view.tree.parent(task) == above),
         (TaskArg::Free, TaskArg::Task(task)) => {
-            let parent = call.view.tree.tasks[task as usize].parent;
+            let parent = call.view.tree.parent(task);
             let holds = call.unify(0, Cell::Task(parent))?;
             Call::test(holds)
         }
@@ -411,10 +413,16 @@ fn subtask(call: &mut Call<'_>) -> Result<Found, Raise> {
             let below = call.view.tree.below(above);
             Ok(Found::Many(Box::new(Range { n: 1, next: below.start, end: below.end, children: true })))
         }
-        (TaskArg::Free, TaskArg::Free) => Ok(several_tasks(1, call.view.tree.all(), 1, |call, task| {
-            let parent = call.view.tree.tasks[task as usize].parent;
-            call.unify(0, Cell::Task(parent))
-        })),
+        (TaskArg::Free, TaskArg::Free) => {
+            Ok(several_tasks(1, List::new(call.view.tree.all()), |call, task| {
+                // The root is below nothing.
+                if task == 0 {
+                    return Ok(false);
+                }
+                let parent = call.view.tree.parent(task);
+                call.unify(0, Cell::Task(parent))
+            }))
+        }
     }
 }
 
@@ -431,11 +439,11 @@ fn subtasks(call: &mut Call<'_>) -> Result<Found, Raise> {
             let mut above = Vec::new();
             let mut at = task;
             while at != 0 {
-                at = call.view.tree.tasks[at as usize].parent;
+                at = call.view.tree.parent(at);
                 above.push(at);
             }
             above.reverse();
-            Ok(several_tasks(0, Rc::new(above), 0, |_, _| Ok(true)))
+            Ok(several_tasks(0, List::new(Rc::new(above)), |_, _| Ok(true)))
         }
         (TaskArg::Free, TaskArg::Free) => Ok(pairs(|view, above, task| view.is_above(above, task))),
     }
@@ -445,30 +453,24 @@ fn subtasks(call: &mut Call<'_>) -> Result<Found, Raise> {
 fn with(call: &mut Call<'_>, direct: bool) -> Result<Found, Raise> {
     let Some(key) = symbol_arg(call, 2) else { return Ok(Found::No) };
     let tree = call.view.tree.clone();
-    let list = match call.arg(3) {
-        Cell::Imm(imm) => tree.with(key, &Value::Imm(imm)),
-        Cell::Obj(at) => tree.with(key, call.store.object(at)),
-        _ => tree.having(key),
-    };
+    let column = tree.column(Attr::Param(key));
+    let list = with_value(call, &column, 3);
     let range = match (task_arg(call, 0), task_arg(call, 1)) {
         (TaskArg::None, _) | (_, TaskArg::None) => return Ok(Found::No),
         (_, TaskArg::Task(task)) => task..task + 1,
         (TaskArg::Task(above), TaskArg::Free) => tree.below(above),
-        (TaskArg::Free, TaskArg::Free) => 0..tree.tasks.len() as u32,
+        (TaskArg::Free, TaskArg::Free) => 0..tree.len() as u32,
     };
-    let next = list.partition_point(|task| *task < range.start);
-    let end = list.partition_point(|task| *task < range.end);
-    Ok(match next < end {
-        true => Found::Many(Box::new(With { list, next, end, key, direct, above: None })),
-        false => Found::No,
+    let list = list.within(&range);
+    Ok(match list.is_empty() {
+        false => Found::Many(Box::new(With { list, column, direct, above: None })),
+        true => Found::No,
     })
 }
 
 struct With {
-    list: Rc<Vec<u32>>,
-    next: usize,
-    end: usize,
-    key: Symbol,
+    list: List,
+    column: Rc<Column>,
     direct: bool,
     /// The next task above the current one, where the call does not say which.
     above: Option<u32>,
@@ -477,7 +479,7 @@ struct With {
 impl With {
     /// The tasks above one that the call may mean, the nearest first.
     fn is_below(&mut self, call: &mut Call<'_>, task: u32) -> Result<bool, Raise> {
-        let parent = call.view.tree.tasks[task as usize].parent;
+        let parent = call.view.tree.parent(task);
         match task_arg(call, 0) {
             TaskArg::Task(above) if self.direct => Ok(task != 0 && parent == above),
             TaskArg::Task(above) => Ok(call.view.tree.is_above(above, task)),
@@ -486,8 +488,8 @@ impl With {
             TaskArg::Free => {
                 let above = self.above.take().unwrap_or(parent);
                 if !self.direct && above != 0 {
-                    self.above = Some(call.view.tree.tasks[above as usize].parent);
-                    self.next -= 1;
+                    self.above = Some(call.view.tree.parent(above));
+                    self.list.again();
                 }
                 call.unify(0, Cell::Task(above))
             }
@@ -497,25 +499,16 @@ impl With {
 
 impl Alternatives for With {
     fn next(&mut self, call: &mut Call<'_>) -> Result<Option<bool>, Raise> {
-        while self.next < self.end {
-            let task = self.list[self.next];
-            self.next += 1;
+        while let Some(task) = self.list.next() {
             let mark = call.store.mark();
-            let tree = call.view.tree.clone();
-            let value = tree.param(task, self.key);
-            let holds = match (value, task_arg(call, 1)) {
-                (Some(value), TaskArg::Free) => {
-                    call.unify(1, Cell::Task(task))?
-                        && call.unify_value(3, value)?
-                        && self.is_below(call, task)?
-                }
-                (Some(value), TaskArg::Task(given)) => {
-                    given == task && call.unify_value(3, value)? && self.is_below(call, task)?
-                }
-                _ => false,
+            let value = call.view.tree.value_of(self.column.of[task as usize]);
+            let is_it = match task_arg(call, 1) {
+                TaskArg::Free => call.unify(1, Cell::Task(task))?,
+                TaskArg::Task(given) => given == task,
+                TaskArg::None => false,
             };
-            if holds {
-                return Ok(Some(self.next < self.end));
+            if is_it && call.unify_value(3, &value)? && self.is_below(call, task)? {
+                return Ok(Some(!self.list.is_empty()));
             }
             call.store.back_to(mark);
         }
@@ -525,25 +518,22 @@ impl Alternatives for With {
 
 /// `(before a b)`: a ended before b started.
 fn before(call: &mut Call<'_>) -> Result<Found, Raise> {
-    fn is_before(view: &TreeView, a: u32, b: u32) -> bool {
-        let (first, second) = (&view.tasks[a as usize], &view.tasks[b as usize]);
-        // Of two that took no time the one that was called first.
-        first
-            .end
-            .is_some_and(|end| end < second.start || (end == second.start && a < b && !view.is_above(a, b)))
-    }
     match (task_arg(call, 0), task_arg(call, 1)) {
         (TaskArg::None, _) | (_, TaskArg::None) => Ok(Found::No),
-        (TaskArg::Task(a), TaskArg::Task(b)) => Call::test(is_before(&call.view.tree, a, b)),
-        (TaskArg::Task(_), TaskArg::Free) => Ok(several_tasks(1, call.view.tree.all(), 0, |call, b| {
-            let TaskArg::Task(a) = task_arg(call, 0) else { return Ok(false) };
-            Ok(is_before(&call.view.tree, a, b))
-        })),
-        (TaskArg::Free, TaskArg::Task(_)) => Ok(several_tasks(0, call.view.tree.all(), 0, |call, a| {
-            let TaskArg::Task(b) = task_arg(call, 1) else { return Ok(false) };
-            Ok(is_before(&call.view.tree, a, b))
-        })),
-        (TaskArg::Free, TaskArg::Free) => Ok(pairs(is_before)),
+        (TaskArg::Task(a), TaskArg::Task(b)) => Call::test(call.view.tree.is_before(a, b)),
+        (TaskArg::Task(_), TaskArg::Free) => {
+            Ok(several_tasks(1, List::new(call.view.tree.all()), |call, b| {
+                let TaskArg::Task(a) = task_arg(call, 0) else { return Ok(false) };
+                Ok(call.view.tree.is_before(a, b))
+            }))
+        }
+        (TaskArg::Free, TaskArg::Task(_)) => {
+            Ok(several_tasks(0, List::new(call.view.tree.all()), |call, a| {
+                let TaskArg::Task(b) = task_arg(call, 1) else { return Ok(false) };
+                Ok(call.view.tree.is_before(a, b))
+            }))
+        }
+        (TaskArg::Free, TaskArg::Free) => Ok(pairs(TreeView::is_before)),
     }
 }
 
@@ -560,7 +550,7 @@ struct Pairs {
 
 impl Alternatives for Pairs {
     fn next(&mut self, call: &mut Call<'_>) -> Result<Option<bool>, Raise> {
-        let n = call.view.tree.tasks.len() as u32;
+        let n = call.view.tree.len() as u32;
         while self.a < n {
             let (a, b) = (self.a, self.b);
             (self.a, self.b) = if b + 1 < n { (a, b + 1) } else { (a + 1, 0) };

@@ -4,10 +4,13 @@
 //! their calls. So all below a task are the numbers after it up to an end, every look-up gives its
 //! tasks in the one order, and a list of tasks is a sorted list of numbers.
 //!
-//! Values of properties are kept once each: two tasks with the same location share it, and whoever
-//! compares the two sees that they are one.
+//! The table has one row of fixed size for each task and copies no parameters: what is asked for by its
+//! value becomes a [`Column`] when the first query asks. There values are numbers: equal ones have the
+//! same, and whoever compares two of one table compares numbers or, outside of it, pointers.
 
-use std::cell::OnceCell;
+use std::cell::{OnceCell, RefCell};
+use std::collections::BTreeMap;
+use std::ops::Range;
 use std::rc::Rc;
 
 use rustc_hash::FxHashMap;
@@ -15,11 +18,12 @@ use rustc_hash::FxHashMap;
 use crate::code::Program;
 use crate::path::{Path, PathStep};
 use crate::tree::{NodeKind, ROOT, RecId, SlotId, Status, Tree};
-use crate::value::{Imm, Map, Symbol, Value};
+use crate::value::{Imm, Map, Obj, Symbol, Value};
 
 use super::index::hash_value;
+use super::join::Order;
 
-/// What is known of a task.
+/// What is known of a task, to make a tree of.
 #[derive(Debug, Clone, Default)]
 pub struct Task {
     /// The number of the task above; its own for the root.
@@ -48,12 +52,6 @@ pub struct Task {
     pub attempts: Vec<Attempt>,
     /// The words of the edits on it.
     pub edits: Vec<Value>,
-    /// `kind` and `status` as symbols.
-    words: (Symbol, Symbol),
-    /// Its rank among siblings of its name, from 1.
-    call: u32,
-    /// One past the number of the last task below.
-    below: u32,
 }
 
 /// One run of a task.
@@ -87,26 +85,178 @@ impl Attempt {
     }
 }
 
-/// The values that tasks have under one key.
-struct Column {
+/// A task of the table.
+struct Row {
+    parent: u32,
+    /// One past the number of the last task below.
+    below: u32,
+    name: Symbol,
+    kind: Symbol,
+    status: Symbol,
+    /// What it returned, or the failure that left it.
+    value: Value,
+    start: f64,
+    /// Not a number while it runs.
+    end: f64,
+    /// Where its parameters are in [`TreeView::args`], and how many.
+    args: u32,
+    count: u16,
+    /// The parameter is a description; what is asked for are its properties.
+    is_desc: bool,
+    failed: bool,
+    /// It ran once; what that was stands in the row.
+    is_single: bool,
+}
+
+/// What few tasks have.
+#[derive(Default)]
+struct Rare {
+    written: Option<Vec<(Symbol, Value)>>,
+    attempts: Vec<Attempt>,
+    edits: Vec<Value>,
+}
+
+/// What each task has one of at the most.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Attr {
+    /// A parameter or property.
+    Param(Symbol),
+    /// What is called.
+    Name,
+    /// `plan`, `action` …
+    Kind,
+    /// What became of it.
+    Status,
+}
+
+/// No value.
+pub const NONE: u32 = u32::MAX;
+
+/// The values that tasks have of one kind, as numbers.
+pub struct Column {
+    /// The value of each task, or [`NONE`].
+    pub of: Vec<u32>,
     /// Tasks that have one, in their order.
     tasks: Rc<Vec<u32>>,
-    /// The tasks with a value, by its [`word`]. Two values of one word are told apart by who looks.
-    with: FxHashMap<u64, Rc<Vec<u32>>>,
+    /// The same by their values.
+    by_value: Rc<Vec<u32>>,
+    /// Where those of each value begin; those of values that are not here have none.
+    starts: Vec<u32>,
+    /// How many different values there are.
+    pub distinct: usize,
 }
 
 impl Column {
-    fn new(rows: &[(u32, &Value)], values: &Values) -> Column {
-        let mut with: FxHashMap<u64, Vec<u32>> = FxHashMap::default();
-        for (task, value) in rows {
-            if let Some(word) = word(value, values) {
-                with.entry(word).or_default().push(*task);
+    fn new(of: Vec<u32>, values: usize) -> Column {
+        let mut starts = vec![0; values + 1];
+        let mut tasks = Vec::new();
+        for (task, value) in (0..).zip(&of) {
+            if *value != NONE {
+                tasks.push(task);
+                starts[*value as usize + 1] += 1;
             }
         }
-        Column {
-            tasks: Rc::new(rows.iter().map(|row| row.0).collect()),
-            with: with.into_iter().map(|(word, tasks)| (word, Rc::new(tasks))).collect(),
+        let distinct = starts.iter().filter(|count| **count > 0).count();
+        for at in 1..starts.len() {
+            starts[at] += starts[at - 1];
         }
+        let mut next = starts.clone();
+        let mut by_value = vec![0; tasks.len()];
+        for task in &tasks {
+            let at = &mut next[of[*task as usize] as usize];
+            by_value[*at as usize] = *task;
+            *at += 1;
+        }
+        Column { of, tasks: Rc::new(tasks), by_value: Rc::new(by_value), starts, distinct }
+    }
+
+    /// The tasks that have something.
+    #[must_use]
+    pub fn having(&self) -> List {
+        List { all: self.tasks.clone(), next: 0, end: self.tasks.len() }
+    }
+
+    /// The tasks with this value.
+    #[must_use]
+    pub fn with(&self, value: u32) -> List {
+        let at = |value: usize| self.starts.get(value).copied().unwrap_or(0) as usize;
+        match (value as usize) < self.starts.len() - 1 {
+            true => {
+                List { all: self.by_value.clone(), next: at(value as usize), end: at(value as usize + 1) }
+            }
+            false => List::default(),
+        }
+    }
+}
+
+/// Tasks in their order.
+#[derive(Default, Clone)]
+pub struct List {
+    all: Rc<Vec<u32>>,
+    next: usize,
+    end: usize,
+}
+
+impl List {
+    /// These tasks.
+    #[must_use]
+    pub fn new(all: Rc<Vec<u32>>) -> List {
+        let end = all.len();
+        List { all, next: 0, end }
+    }
+
+    /// How many are left.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.end - self.next
+    }
+
+    /// True if none is left.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.next == self.end
+    }
+
+    /// Those of them that are in a range.
+    #[must_use]
+    pub fn within(mut self, range: &Range<u32>) -> List {
+        let left = &self.all[self.next..self.end];
+        let (from, to) = match left.len() {
+            // A look at a few neighbours costs less than the arithmetic.
+            0..8 => (
+                left.iter().take_while(|task| **task < range.start).count(),
+                left.iter().take_while(|task| **task < range.end).count(),
+            ),
+            _ => {
+                let from = left.partition_point(|task| *task < range.start);
+                (from, from + left[from..].partition_point(|task| *task < range.end))
+            }
+        };
+        (self.next, self.end) = (self.next + from, self.next + to.max(from));
+        self
+    }
+
+    /// Some of them, as a sample.
+    pub fn some(&self, n: usize) -> impl Iterator<Item = u32> {
+        let step = (self.len() / n.max(1)).max(1);
+        self.all[self.next..self.end].iter().copied().step_by(step)
+    }
+
+    /// Steps back: the last task comes again.
+    pub fn again(&mut self) {
+        self.next -= 1;
+    }
+}
+
+impl Iterator for List {
+    type Item = u32;
+
+    #[inline]
+    fn next(&mut self) -> Option<u32> {
+        (self.next < self.end).then(|| {
+            self.next += 1;
+            self.all[self.next - 1]
+        })
     }
 }
 
@@ -114,13 +264,23 @@ impl Column {
 #[derive(Default)]
 pub struct TreeView {
     /// The tasks; the root is number 0.
-    pub tasks: Vec<Task>,
-    by_name: OnceCell<FxHashMap<Symbol, Rc<Vec<u32>>>>,
-    columns: OnceCell<FxHashMap<Symbol, Column>>,
-    values: Values,
-    all: OnceCell<Rc<Vec<u32>>>,
+    rows: Vec<Row>,
+    /// Parameters of all tasks, one after the other; for an action its description.
+    args: Vec<(Symbol, Value)>,
+    /// What descriptions were grounded to, by their tasks.
+    grounded: Vec<(u32, Value)>,
+    rare: BTreeMap<u32, Rare>,
     /// Tasks on which edits stand, in their order.
     edited: Vec<u32>,
+    values: RefCell<Values>,
+    columns: RefCell<FxHashMap<Attr, Rc<Column>>>,
+    all: OnceCell<Rc<Vec<u32>>>,
+    /// The rank of each task among siblings of its name, from 1.
+    calls: OnceCell<Vec<u32>>,
+    /// Paths that somebody has asked for, as values.
+    paths: RefCell<FxHashMap<u32, Value>>,
+    /// The orders that joins have here, by the join and which of its variables are given.
+    pub(super) orders: RefCell<FxHashMap<(u32, u64), Rc<Order>>>,
 }
 
 /// The values of properties, each once.
@@ -128,31 +288,43 @@ pub struct TreeView {
 struct Values {
     all: Vec<Value>,
     numbers: FxHashMap<u64, Vec<u32>>,
+    /// Those that have been met, by their places: the rows keep them there.
+    by_place: FxHashMap<usize, u32>,
 }
 
 impl Values {
-    fn number(&self, value: &Value) -> Option<u32> {
-        let known = self.numbers.get(&hash_value(value))?;
+    fn find(&self, hash: u64, value: &Value) -> Option<u32> {
+        let known = self.numbers.get(&hash)?;
         known.iter().copied().find(|at| self.all[*at as usize] == *value)
     }
 
-    fn intern(&mut self, value: &Value) -> u32 {
-        let known = self.numbers.entry(hash_value(value)).or_default();
-        if let Some(number) = known.iter().copied().find(|at| self.all[*at as usize] == *value) {
-            return number;
+    fn number(&self, value: &Value) -> Option<u32> {
+        match value {
+            Value::Obj(obj) if let Some(known) = self.by_place.get(&(Rc::as_ptr(obj) as usize)) => {
+                Some(*known)
+            }
+            _ => self.find(hash_value(value), value),
         }
-        let number = self.all.len() as u32;
-        known.push(number);
-        self.all.push(value.clone());
-        number
     }
-}
 
-/// What a column finds a value by: itself, or for a large one its number.
-fn word(value: &Value, values: &Values) -> Option<u64> {
-    match value {
-        Value::Imm(_) => Some(hash_value(value)),
-        Value::Obj(_) => values.number(value).map(u64::from),
+    /// The number of a value that some row keeps.
+    fn intern(&mut self, value: &Value) -> u32 {
+        if let Value::Obj(obj) = value
+            && let Some(known) = self.by_place.get(&(Rc::as_ptr(obj) as usize))
+        {
+            return *known;
+        }
+        let hash = hash_value(value);
+        let number = self.find(hash, value).unwrap_or_else(|| {
+            let number = self.all.len() as u32;
+            self.numbers.entry(hash).or_default().push(number);
+            self.all.push(value.clone());
+            number
+        });
+        if let Value::Obj(obj) = value {
+            self.by_place.insert(Rc::as_ptr(obj) as usize, number);
+        }
+        number
     }
 }
 
@@ -163,131 +335,331 @@ impl TreeView {
         if tasks.is_empty() {
             tasks.push(Task { name: Symbol::from("top-level"), kind: "top-level", ..Task::default() });
         }
-        let mut calls: FxHashMap<(u32, Symbol), u32> = FxHashMap::default();
-        for task in tasks.iter_mut().skip(1) {
-            let call = calls.entry((task.parent, task.name)).or_insert(0);
-            *call += 1;
-            task.call = *call;
-        }
-        for at in (0..tasks.len()).rev() {
-            let below = tasks[at].below.max(at as u32 + 1);
-            tasks[at].below = below;
-            let parent = tasks[at].parent as usize;
-            tasks[parent].below = tasks[parent].below.max(below);
-        }
+        let mut view = TreeView::default();
         let mut words: FxHashMap<&'static str, Symbol> = FxHashMap::default();
         let mut word = |text: &'static str| *words.entry(text).or_insert_with(|| Symbol::from(text));
-        tasks.iter_mut().for_each(|task| task.words = (word(task.kind), word(task.status)));
-        let edited = (0..).zip(&tasks).filter(|task| !task.1.edits.is_empty()).map(|task| task.0).collect();
-        // Equal values become one, so that whoever compares two of them sees it at once.
-        let mut values = Values::default();
-        for (_, value) in tasks.iter_mut().flat_map(|task| &mut task.params) {
-            if let Value::Obj(_) = value {
-                let number = values.intern(value);
-                *value = values.all[number as usize].clone();
+        for (number, task) in (0..).zip(tasks) {
+            let args = view.args.len() as u32;
+            let count = task.params.len() as u16;
+            view.args.extend(task.params.into_iter().take(count.into()));
+            view.grounded.extend(task.grounded.map(|call| (number, call)));
+            if !task.edits.is_empty() {
+                view.edited.push(number);
             }
+            if task.written.is_some() || !task.attempts.is_empty() || !task.edits.is_empty() {
+                let (written, attempts, edits) = (task.written, task.attempts, task.edits);
+                view.rare.insert(number, Rare { written, attempts, edits });
+            }
+            view.rows.push(Row {
+                parent: task.parent,
+                below: 0,
+                name: task.name,
+                kind: word(task.kind),
+                status: word(task.status),
+                failed: task.failure.is_some(),
+                value: task.failure.unwrap_or(task.value),
+                start: task.start,
+                end: task.end.unwrap_or(f64::NAN),
+                args,
+                count,
+                is_desc: false,
+                is_single: false,
+            });
         }
-        TreeView { tasks, edited, values, ..TreeView::default() }
+        view.close();
+        view
     }
 
     /// The tree of a run, as it is now.
     #[must_use]
     pub fn of(program: &Program, tree: &Tree) -> TreeView {
-        let mut attempts: FxHashMap<SlotId, Vec<RecId>> = FxHashMap::default();
-        for rec in tree.records() {
-            let record = tree.record(rec);
-            if record.attempt > 1 || attempts.contains_key(&record.slot) {
-                attempts.entry(record.slot).or_default();
-            }
-        }
-        if !attempts.is_empty() {
-            for rec in tree.records() {
-                if let Some(all) = attempts.get_mut(&tree.record(rec).slot) {
-                    all.push(rec);
-                }
-            }
-        }
-        let mut tasks = Vec::with_capacity(tree.len());
+        let mut view = TreeView { rows: Vec::with_capacity(tree.len()), ..TreeView::default() };
+        let words = Words::new();
+        let attempts = attempts(tree);
         let mut todo = vec![(ROOT, 0)];
+        let mut children = Vec::new();
         while let Some((slot, parent)) = todo.pop() {
             let Some(rec) = tree.shown(slot) else { continue };
-            let number = tasks.len() as u32;
-            let all = attempts.get(&slot).map_or(std::slice::from_ref(&rec), Vec::as_slice);
-            tasks.push(task(program, tree, slot, rec, parent, all));
-            todo.extend(tree.children(slot).into_iter().rev().map(|child| (child, number)));
+            let number = view.rows.len() as u32;
+            view.add(program, tree, &words, &attempts, (slot, rec, parent));
+            tree.children_into(slot, &mut children);
+            todo.extend(children.iter().rev().map(|child| (*child, number)));
         }
-        TreeView::new(tasks)
+        view.close();
+        view
+    }
+
+    /// A row for a slot with its record, below another row.
+    fn add(
+        &mut self,
+        program: &Program,
+        tree: &Tree,
+        words: &Words,
+        attempts: &FxHashMap<SlotId, Vec<RecId>>,
+        (slot, rec, parent): (SlotId, RecId, u32),
+    ) {
+        let number = self.rows.len() as u32;
+        let record = tree.record(rec);
+        let status = overlay(record.status, tree, slot);
+        let args = self.args.len() as u32;
+        let is_desc = crate::show::each_param(program, tree, rec, &mut |name, value| {
+            self.args.push((name, value.clone()));
+        });
+        if let Some(call) = tree.extra(rec).and_then(|it| it.grounded.clone()) {
+            self.grounded.push((number, call));
+        }
+        let edits = tree.edits_of(slot);
+        if !edits.is_empty() {
+            self.edited.push(number);
+        }
+        let all = attempts.get(&slot);
+        let is_single = all.is_none() && status == record.status;
+        if !is_single || tree.is_changed(rec) || !edits.is_empty() {
+            let attempt = |rec: &RecId| attempt(tree, *rec);
+            let all = all.map_or(std::slice::from_ref(&rec), Vec::as_slice);
+            let edit = |id: &u32| {
+                let edit = (*tree.edits[*id as usize - 1].edit).clone();
+                Value::new(Obj::Edit(Box::new(edit)))
+            };
+            let written = crate::show::written_params(program, tree, rec);
+            self.rare.insert(
+                number,
+                Rare {
+                    written: written.map(|params| properties(record.kind, params)),
+                    attempts: if is_single { Vec::new() } else { all.iter().map(attempt).collect() },
+                    edits: edits.iter().map(edit).collect(),
+                },
+            );
+        }
+        self.rows.push(Row {
+            parent,
+            below: 0,
+            name: tree.slot(slot).name,
+            kind: words.kind(record.kind),
+            status: words.status(status),
+            value: record.value.clone(),
+            start: seconds(record.start),
+            end: if record.status.is_final() { seconds(record.end) } else { f64::NAN },
+            args,
+            count: (self.args.len() as u32 - args) as u16,
+            is_desc,
+            failed: record.status == Status::Failed,
+            is_single,
+        });
+    }
+
+    /// Finds out where what is below each task ends.
+    fn close(&mut self) {
+        for at in (0..self.rows.len()).rev() {
+            let below = self.rows[at].below.max(at as u32 + 1);
+            self.rows[at].below = below;
+            let parent = self.rows[at].parent as usize;
+            self.rows[parent].below = self.rows[parent].below.max(below);
+        }
+    }
+
+    /// The order in which a join has been answered here.
+    pub(super) fn order_of(&self, join: u32) -> Option<Rc<Order>> {
+        let orders = self.orders.borrow();
+        let given = orders.keys().filter(|key| key.0 == join).map(|key| key.1).min()?;
+        orders.get(&(join, given)).cloned()
+    }
+
+    /// Forgets the orders of joins and how often their goals have held.
+    pub(crate) fn forget_orders(&self) {
+        self.orders.borrow_mut().clear();
+    }
+
+    /// How many tasks there are.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.rows.len()
+    }
+
+    /// True for a tree that nobody has made.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.rows.is_empty()
     }
 
     /// All tasks.
     #[must_use]
     pub fn all(&self) -> Rc<Vec<u32>> {
-        self.all.get_or_init(|| Rc::new((0..self.tasks.len() as u32).collect())).clone()
+        self.all.get_or_init(|| Rc::new((0..self.rows.len() as u32).collect())).clone()
     }
 
-    /// The tasks of this name.
+    // ------------------------------------------------------------------ columns
+
+    /// What all tasks have of a kind.
     #[must_use]
-    pub fn named(&self, name: Symbol) -> Rc<Vec<u32>> {
-        let by_name = self.by_name.get_or_init(|| {
-            let mut by_name: FxHashMap<Symbol, Vec<u32>> = FxHashMap::default();
-            for (at, task) in (0..).zip(&self.tasks) {
-                by_name.entry(task.name).or_default().push(at);
-            }
-            by_name.into_iter().map(|(name, tasks)| (name, Rc::new(tasks))).collect()
-        });
-        by_name.get(&name).cloned().unwrap_or_default()
+    pub fn column(&self, attr: Attr) -> Rc<Column> {
+        if let Some(column) = self.columns.borrow().get(&attr) {
+            return column.clone();
+        }
+        let mut values = self.values.borrow_mut();
+        let of: Vec<u32> = match attr {
+            Attr::Param(key) => (self.rows.iter())
+                .map(|row| self.raw(row, key).map_or(NONE, |it| values.intern(it)))
+                .collect(),
+            Attr::Name => symbols(&mut values, self.rows.iter().map(|row| row.name)),
+            Attr::Kind => symbols(&mut values, self.rows.iter().map(|row| row.kind)),
+            Attr::Status => symbols(&mut values, self.rows.iter().map(|row| row.status)),
+        };
+        let column = Rc::new(Column::new(of, values.all.len()));
+        self.columns.borrow_mut().insert(attr, column.clone());
+        column
     }
 
-    fn column(&self, key: Symbol) -> Option<&Column> {
-        let columns = self.columns.get_or_init(|| {
-            let mut columns: FxHashMap<Symbol, Vec<(u32, &Value)>> = FxHashMap::default();
-            for (at, task) in (0..).zip(&self.tasks) {
-                for (key, value) in &task.params {
-                    columns.entry(*key).or_default().push((at, value));
-                }
-            }
-            columns.into_iter().map(|(key, rows)| (key, Column::new(&rows, &self.values))).collect()
-        });
-        columns.get(&key)
-    }
-
-    /// The tasks that have something under a key.
+    /// The number of a value in columns; [`NONE`] if no column has it.
     #[must_use]
-    pub fn having(&self, key: Symbol) -> Rc<Vec<u32>> {
-        self.column(key).map(|column| column.tasks.clone()).unwrap_or_default()
+    pub fn number(&self, value: &Value) -> u32 {
+        self.values.borrow().number(value).unwrap_or(NONE)
+    }
+
+    /// The value of a number.
+    #[must_use]
+    pub fn value_of(&self, number: u32) -> Value {
+        self.values.borrow().all.get(number as usize).cloned().unwrap_or_default()
     }
 
     /// The tasks that have this value under a key.
     #[must_use]
-    pub fn with(&self, key: Symbol, value: &Value) -> Rc<Vec<u32>> {
-        let found = word(value, &self.values).and_then(|word| self.column(key)?.with.get(&word));
-        found.cloned().unwrap_or_default()
+    pub fn with(&self, key: Symbol, value: &Value) -> List {
+        let column = self.column(Attr::Param(key));
+        column.with(self.number(value))
     }
 
-    /// How many different values tasks have under a key.
-    #[must_use]
-    pub fn distinct(&self, key: Symbol) -> usize {
-        self.column(key).map_or(0, |column| column.with.len())
+    /// What a task has under a key, as its row has it.
+    fn raw<'a>(&'a self, row: &'a Row, key: Symbol) -> Option<&'a Value> {
+        let args = &self.args[row.args as usize..][..usize::from(row.count)];
+        match (row.is_desc, args.first().and_then(|arg| arg.1.as_desc())) {
+            (true, Some(desc)) => desc.get(key),
+            _ => args.iter().find(|arg| arg.0 == key).map(|arg| &arg.1),
+        }
     }
 
     /// What a task has under a key: the value that all tasks with an equal one share.
+    #[must_use]
+    pub fn param(&self, task: u32, key: Symbol) -> Option<Value> {
+        let number = *self.column(Attr::Param(key)).of.get(task as usize)?;
+        (number != NONE).then(|| self.value_of(number))
+    }
+
+    /// All that a task has: parameters of a plan, properties of an action.
+    #[must_use]
+    pub fn params(&self, task: u32) -> Vec<(Symbol, Value)> {
+        let row = &self.rows[task as usize];
+        let args = &self.args[row.args as usize..][..usize::from(row.count)];
+        match (row.is_desc, args.first().and_then(|arg| arg.1.as_desc())) {
+            (true, Some(desc)) => desc.properties().map(|(key, value)| (key, value.clone())).collect(),
+            _ => args.to_vec(),
+        }
+    }
+
+    /// The same as the plan has it, before edits.
+    #[must_use]
+    pub fn written_params(&self, task: u32) -> Vec<(Symbol, Value)> {
+        let written = self.rare.get(&task).and_then(|it| it.written.clone());
+        written.unwrap_or_else(|| self.params(task))
+    }
+
+    // ------------------------------------------------------------------ rows
+
+    /// The task above; the root's is itself.
     #[inline]
     #[must_use]
-    pub fn param(&self, task: u32, key: Symbol) -> Option<&Value> {
-        let params = &self.tasks.get(task as usize)?.params;
-        params.iter().find(|param| param.0 == key).map(|param| &param.1)
+    pub fn parent(&self, task: u32) -> u32 {
+        self.rows[task as usize].parent
+    }
+
+    /// What is called.
+    #[must_use]
+    pub fn name(&self, task: u32) -> Symbol {
+        self.rows[task as usize].name
+    }
+
+    /// What a task is and what became of it, as symbols.
+    #[must_use]
+    pub fn words(&self, task: u32) -> (Symbol, Symbol) {
+        let row = &self.rows[task as usize];
+        (row.kind, row.status)
+    }
+
+    /// What it returned; nil if it did not.
+    #[must_use]
+    pub fn value(&self, task: u32) -> Value {
+        let row = &self.rows[task as usize];
+        if row.failed { Value::NIL } else { row.value.clone() }
+    }
+
+    /// The failure that left it.
+    #[must_use]
+    pub fn failure(&self, task: u32) -> Option<Value> {
+        let row = &self.rows[task as usize];
+        row.failed.then(|| row.value.clone())
+    }
+
+    /// What its description was grounded to.
+    #[must_use]
+    pub fn grounded(&self, task: u32) -> Option<Value> {
+        let at = self.grounded.binary_search_by_key(&task, |it| it.0).ok()?;
+        self.grounded.get(at).map(|it| it.1.clone())
+    }
+
+    /// When it was called.
+    #[must_use]
+    pub fn start(&self, task: u32) -> f64 {
+        self.rows[task as usize].start
+    }
+
+    /// When it ended; nothing while it runs.
+    #[must_use]
+    pub fn end(&self, task: u32) -> Option<f64> {
+        Some(self.rows[task as usize].end).filter(|end| !end.is_nan())
+    }
+
+    /// Each run of it.
+    #[must_use]
+    pub fn attempts(&self, task: u32) -> Vec<Attempt> {
+        let row = &self.rows[task as usize];
+        if !row.is_single {
+            return self.rare.get(&task).map(|it| it.attempts.clone()).unwrap_or_default();
+        }
+        let status = Status::ALL.iter().find(|status| row.status == status.word());
+        vec![Attempt {
+            status: status.map_or("", |status| status.word()),
+            value: row.value.clone(),
+            start: row.start,
+            end: self.end(task),
+        }]
+    }
+
+    /// The words of the edits on it.
+    #[must_use]
+    pub fn edits(&self, task: u32) -> &[Value] {
+        self.rare.get(&task).map_or(&[], |it| &it.edits)
+    }
+
+    /// True if the first task had ended when the second was called.
+    #[must_use]
+    pub fn is_before(&self, a: u32, b: u32) -> bool {
+        let (first, second) = (&self.rows[a as usize], &self.rows[b as usize]);
+        // Of two that took no time the one that was called first.
+        first.end < second.start || (first.end == second.start && a < b && !self.is_above(a, b))
     }
 
     /// True if the first task is above the second.
+    #[inline]
     #[must_use]
     pub fn is_above(&self, above: u32, task: u32) -> bool {
-        above < task && task < self.tasks[above as usize].below
+        above < task && task < self.rows[above as usize].below
     }
 
     /// The tasks below one, in their order.
+    #[inline]
     #[must_use]
-    pub fn below(&self, task: u32) -> std::ops::Range<u32> {
-        task + 1..self.tasks[task as usize].below
+    pub fn below(&self, task: u32) -> Range<u32> {
+        task + 1..self.rows[task as usize].below
     }
 
     /// The tasks directly below one.
@@ -297,38 +669,72 @@ impl TreeView {
         std::iter::from_fn(move || {
             let child = at;
             (child < range.end).then(|| {
-                at = self.tasks[child as usize].below;
+                at = self.rows[child as usize].below;
                 child
             })
         })
     }
 
-    /// What a task is and what became of it, as symbols.
-    #[must_use]
-    pub fn words(&self, task: u32) -> (Symbol, Symbol) {
-        self.tasks[task as usize].words
-    }
-
     /// True if an edit stands on the task or on one below.
     #[must_use]
     pub fn is_edited(&self, task: u32) -> bool {
-        let end = self.tasks[task as usize].below;
+        let end = self.rows[task as usize].below;
         let at = self.edited.partition_point(|edited| *edited < task);
         self.edited.get(at).is_some_and(|edited| *edited < end)
+    }
+
+    // ------------------------------------------------------------------ paths
+
+    /// The rank of each task among siblings of its name, from 1.
+    fn calls(&self) -> &[u32] {
+        /// With so many siblings it pays to keep a table of their names.
+        const MANY: usize = 16;
+        self.calls.get_or_init(|| {
+            let mut calls = vec![1; self.rows.len()];
+            let mut seen: Vec<u32> = Vec::new();
+            let mut last: FxHashMap<Symbol, u32> = FxHashMap::default();
+            for above in 0..self.rows.len() as u32 {
+                seen.clear();
+                last.clear();
+                for child in self.children(above) {
+                    let name = self.name(child);
+                    let before = match seen.len() < MANY {
+                        true => seen.iter().rev().copied().find(|it| self.name(*it) == name),
+                        false => {
+                            if last.is_empty() {
+                                last.extend(seen.iter().map(|it| (self.name(*it), *it)));
+                            }
+                            last.insert(name, child)
+                        }
+                    };
+                    calls[child as usize] = before.map_or(1, |before| calls[before as usize] + 1);
+                    seen.push(child);
+                }
+            }
+            calls
+        })
     }
 
     /// The path of a task.
     #[must_use]
     pub fn path(&self, task: u32) -> Path {
+        let calls = self.calls();
         let mut steps = Vec::new();
         let mut at = task;
         while at != 0 {
-            let it = &self.tasks[at as usize];
-            steps.push(PathStep { name: it.name, call: it.call });
+            let it = &self.rows[at as usize];
+            steps.push(PathStep { name: it.name, call: calls[at as usize] });
             at = it.parent;
         }
         steps.reverse();
         Path { steps }
+    }
+
+    /// The path of a task as a value: made once.
+    #[must_use]
+    pub fn path_value(&self, task: u32) -> Value {
+        let mut paths = self.paths.borrow_mut();
+        paths.entry(task).or_insert_with(|| Value::new(Obj::Path(Box::new(self.path(task))))).clone()
     }
 
     /// The task at a path.
@@ -339,60 +745,71 @@ impl TreeView {
             if depth == 0 && step.name == "top-level" {
                 continue;
             }
-            at = self.children(at).find(|child| {
-                let task = &self.tasks[*child as usize];
-                task.name == step.name && task.call == step.call
-            })?;
+            let rank = (step.call as usize).checked_sub(1)?;
+            at = self.children(at).filter(|child| self.name(*child) == step.name).nth(rank)?;
         }
         Some(at)
     }
+}
+
+/// Symbols as numbers of values.
+fn symbols(values: &mut Values, names: impl Iterator<Item = Symbol>) -> Vec<u32> {
+    let mut known: FxHashMap<Symbol, u32> = FxHashMap::default();
+    let number = |name| *known.entry(name).or_insert_with(|| values.intern(&Value::Imm(Imm::Symbol(name))));
+    names.map(number).collect()
 }
 
 fn seconds(ns: u64) -> f64 {
     ns as f64 / 1e9
 }
 
-fn task(program: &Program, tree: &Tree, slot: SlotId, rec: RecId, parent: u32, all: &[RecId]) -> Task {
+/// The words for what tasks are and what becomes of them: a symbol costs a look-up.
+struct Words {
+    kinds: Vec<Symbol>,
+    status: Vec<Symbol>,
+}
+
+impl Words {
+    fn new() -> Words {
+        let kinds = NodeKind::ALL.iter().map(|it| Symbol::from(it.word())).collect();
+        Words { kinds, status: Status::ALL.iter().map(|it| Symbol::from(it.word())).collect() }
+    }
+
+    fn kind(&self, kind: NodeKind) -> Symbol {
+        self.kinds[kind as usize]
+    }
+
+    fn status(&self, status: Status) -> Symbol {
+        self.status[status as usize]
+    }
+}
+
+/// The records of slots that have several in this run.
+fn attempts(tree: &Tree) -> FxHashMap<SlotId, Vec<RecId>> {
+    let mut attempts: FxHashMap<SlotId, Vec<RecId>> = FxHashMap::default();
+    for rec in tree.records() {
+        let record = tree.record(rec);
+        if record.attempt > 1 {
+            attempts.entry(record.slot).or_default();
+        }
+    }
+    if !attempts.is_empty() {
+        for rec in tree.records() {
+            if let Some(all) = attempts.get_mut(&tree.record(rec).slot) {
+                all.push(rec);
+            }
+        }
+    }
+    attempts
+}
+
+fn attempt(tree: &Tree, rec: RecId) -> Attempt {
     let record = tree.record(rec);
-    let extra = tree.extra(rec);
-    let params = crate::show::params(program, tree, rec);
-    let written = crate::show::written_params(program, tree, rec);
-    let written = written.map(|params| properties(record.kind, params));
-    let edits: Vec<Value> = tree
-        .edits_of(slot)
-        .iter()
-        .map(|id| Value::new(crate::value::Obj::Edit(Box::new((*tree.edits[*id as usize - 1].edit).clone()))))
-        .collect();
-    let end = |status: Status, ns: u64| status.is_final().then(|| seconds(ns));
-    let failed = record.status == Status::Failed;
-    Task {
-        parent,
-        name: tree.slot(slot).name,
-        kind: record.kind.word(),
-        status: overlay(record.status, tree, slot).word(),
-        params: properties(record.kind, params),
-        written,
-        grounded: extra.and_then(|it| it.grounded.clone()),
-        value: if failed { Value::NIL } else { record.value.clone() },
-        failure: failed.then(|| record.value.clone()),
+    Attempt {
+        status: record.status.word(),
+        value: record.value.clone(),
         start: seconds(record.start),
-        end: end(record.status, record.end),
-        attempts: all
-            .iter()
-            .map(|rec| {
-                let record = tree.record(*rec);
-                Attempt {
-                    status: record.status.word(),
-                    value: record.value.clone(),
-                    start: seconds(record.start),
-                    end: end(record.status, record.end),
-                }
-            })
-            .collect(),
-        edits,
-        words: Default::default(),
-        call: 0,
-        below: 0,
+        end: record.status.is_final().then(|| seconds(record.end)),
     }
 }
 
