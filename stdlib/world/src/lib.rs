@@ -21,6 +21,7 @@ pub mod nav;
 pub mod parry;
 pub mod read;
 pub mod read_robot;
+pub mod record;
 pub mod robot;
 pub mod scene;
 pub mod setting;

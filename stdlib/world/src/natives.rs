@@ -67,9 +67,12 @@ natives! {
 
 /// The world of the run.
 fn world<'a>(ctx: &'a mut Ctx<'_>) -> Result<&'a mut World, Raise> {
+    let now_ns = ctx.now_ns();
     let slot = ctx.world().get_or_insert_with(|| Box::new(World::default()));
     let other = || Box::new(Failure::new(Builtin::ProgramError, "this run has a world of another kind"));
-    slot.as_any().downcast_mut::<World>().ok_or_else(other)
+    let world = slot.as_any().downcast_mut::<World>().ok_or_else(other)?;
+    world.now_ns = now_ns;
+    Ok(world)
 }
 
 // ---------------------------------------------------------------------------------------------

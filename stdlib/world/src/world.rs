@@ -21,6 +21,7 @@ use crate::motions::hand::Target;
 use crate::motions::tool::ToolWay;
 use crate::motions::{self, Costs, Draws, Event, Outcome, Part, Surroundings, Trouble};
 use crate::nav::Place;
+use crate::record::{Done, End, Recording, Step};
 use crate::scene::{ContainerId, ObjectId, Scene};
 use crate::setting::{Machine, Setting};
 use crate::state::{Around, State, Support};
@@ -64,6 +65,8 @@ pub enum Wanted {
 
 /// A motion that goes on.
 struct Running {
+    /// What was wanted, if that is recorded.
+    motion: Option<Motion>,
     outcome: Outcome,
     began_ns: u64,
     version: u64,
@@ -88,13 +91,20 @@ pub struct World {
     pub belief: Belief,
     /// What its motions have cost.
     pub costs: Costs,
+    /// The task clock when somebody last asked this world for something.
+    pub now_ns: u64,
+    /// What has happened, if anybody wants to know.
+    pub recording: Option<Recording>,
     maps: Maps,
     running: BTreeMap<u64, Running>,
     ended: BTreeMap<u64, Ended>,
-    kept: Vec<(State, Belief, Costs)>,
+    kept: Vec<Kept>,
     last_version: u64,
     last_motion: u64,
 }
+
+/// What comes back with a world.
+type Kept = (State, Belief, Costs, Option<Recording>);
 
 impl Default for World {
     fn default() -> World {
@@ -103,7 +113,8 @@ impl Default for World {
 }
 
 impl vm::world::World for World {
-    /// Motions of the run that forks belong to its tasks and do not go on in the fork.
+    /// Motions of the run that forks belong to its tasks and do not go on in the fork; nothing of a rehearsal is
+    /// recorded.
     fn fork(&self) -> Box<dyn vm::world::World> {
         let mut fork = World::new(self.state.clone());
         (fork.belief, fork.costs, fork.last_version) = (self.belief.clone(), self.costs, self.last_version);
@@ -124,6 +135,8 @@ impl World {
             state,
             belief: Belief::default(),
             costs: Costs::default(),
+            now_ns: 0,
+            recording: None,
             maps: Maps::default(),
             running: BTreeMap::new(),
             ended: BTreeMap::new(),
@@ -131,6 +144,12 @@ impl World {
             last_version: 0,
             last_motion: 0,
         }
+    }
+
+    /// An empty world that remembers what happens in it.
+    #[must_use]
+    pub fn recorded() -> World {
+        World { recording: Some(Recording::default()), ..World::default() }
     }
 
     /// Another scene, everything where it is at first; the robot stays, at its start.
@@ -150,13 +169,27 @@ impl World {
         self.state = state;
         (self.belief, self.costs) = (Belief::default(), Costs::default());
         self.running.clear();
-        self.changed();
+        self.renumber();
+        if let Some(recording) = &mut self.recording {
+            recording.begin(self.now_ns, &self.state);
+        }
     }
 
-    /// Gives the state a number of its own.
+    /// Gives the state a number of its own after a change that no motion has made.
     pub fn changed(&mut self) {
+        self.renumber();
+        self.record(None);
+    }
+
+    fn renumber(&mut self) {
         self.last_version += 1;
         self.state.version = self.last_version;
+    }
+
+    fn record(&mut self, done: Option<Done>) {
+        if let Some(recording) = &mut self.recording {
+            recording.add(Step { at_ns: self.now_ns, after: self.state.clone(), done: done.map(Arc::new) });
+        }
     }
 
     // ------------------------------------------------------------------ to try and go back
@@ -170,15 +203,15 @@ impl World {
             let message = format!("worlds are nested deeper than {MOST_KEPT}");
             return Err(Trouble::new("world-failure", message));
         }
-        self.kept.push((self.state.clone(), self.belief.clone(), self.costs));
+        self.kept.push((self.state.clone(), self.belief.clone(), self.costs, self.recording.clone()));
         Ok(self.kept.len())
     }
 
     /// Goes back to the world that was kept as number `kept`. Motions of others that go on will be played into it.
     pub fn go_back(&mut self, kept: usize) {
         self.kept.truncate(kept);
-        if let Some((state, belief, costs)) = self.kept.pop() {
-            (self.state, self.belief, self.costs) = (state, belief, costs);
+        if let Some(kept) = self.kept.pop() {
+            (self.state, self.belief, self.costs, self.recording) = kept;
         }
     }
 
@@ -195,8 +228,9 @@ impl World {
         }
         self.last_motion += 1;
         let duration_s = outcome.duration_s;
-        self.running
-            .insert(self.last_motion, Running { outcome, began_ns: now_ns, version: self.state.version });
+        let motion = self.recording.is_some().then(|| motion.clone());
+        let running = Running { motion, outcome, began_ns: now_ns, version: self.state.version };
+        self.running.insert(self.last_motion, running);
         (self.last_motion, duration_s)
     }
 
@@ -247,30 +281,40 @@ impl World {
 
     /// Ends a motion at this time of the task clock: before its duration is over it was stopped.
     pub fn end(&mut self, number: u64, now_ns: u64) {
-        let Some(Running { outcome, began_ns, version }) = self.running.remove(&number) else { return };
+        let Some(Running { motion, outcome, began_ns, version }) = self.running.remove(&number) else {
+            return;
+        };
+        self.now_ns = now_ns;
         let passed_s = now_ns.saturating_sub(began_ns) as f64 / 1e9;
         // The clock has nanoseconds.
         let over = passed_s + 1e-9 >= outcome.duration_s;
         let share = if over { 1.0 } else { passed_s / outcome.duration_s };
         let before = self.state.clone();
         outcome.track.play(&mut self.state, if over { f64::INFINITY } else { passed_s });
-        self.costs += Costs {
+        let costs = Costs {
             path_m: outcome.costs.path_m * share,
             straight_m: outcome.costs.straight_m * share,
             hand_m: outcome.costs.hand_m * share,
             ..outcome.costs
         };
-        self.changed();
-        if !over {
-            self.ended.insert(number, Ended::Stopped);
-            return;
-        }
-        self.learn(&outcome, &before, now_ns);
-        let met = if before.version == version { None } else { self.meets(&outcome) };
-        let ended = match outcome.trouble.or(met) {
-            Some(trouble) => Ended::Failed(trouble),
-            None => Ended::Done(outcome.seen),
+        self.costs += costs;
+        self.renumber();
+        let ended = match over {
+            false => Ended::Stopped,
+            true => {
+                self.learn(&outcome, &before, now_ns);
+                let met = if before.version == version { None } else { self.meets(&outcome) };
+                outcome.trouble.or(met).map_or(Ended::Done(outcome.seen), Ended::Failed)
+            }
         };
+        if let Some(motion) = motion {
+            let end = match &ended {
+                Ended::Stopped => End::Stopped,
+                Ended::Done(seen) => End::Succeeded(seen.iter().map(|(object, _)| *object).collect()),
+                Ended::Failed(trouble) => End::Failed(trouble.clone()),
+            };
+            self.record(Some(Done { motion, began_ns, track: outcome.track, costs, end }));
+        }
         self.ended.insert(number, ended);
     }
 

@@ -56,6 +56,19 @@ impl Track {
         self.keys.push(Key { at_s, ..key });
     }
 
+    /// The keys up to a time; if that lies between two, one for it.
+    #[must_use]
+    pub fn until(&self, at_s: f64) -> Vec<Key> {
+        let next = self.keys.iter().position(|key| key.at_s > at_s).unwrap_or(self.keys.len());
+        let mut keys = self.keys[..next].to_vec();
+        if let (Some(last), Some(to)) = (keys.last(), self.keys.get(next))
+            && last.at_s < at_s
+        {
+            keys.push(last.mixed(to, (at_s - last.at_s) / (to.at_s - last.at_s).max(1e-12)));
+        }
+        keys
+    }
+
     /// What the motion has made of a state after so many seconds. A motion that has just begun has changed
     /// nothing.
     pub fn play(&self, state: &mut State, at_s: f64) {
