@@ -216,8 +216,8 @@ impl Records {
             return Err(Trouble::new("--record and --picture name the same file", "name two files"));
         }
         Ok(Records {
-            record: open(&wanted.record, "--record")?,
-            picture: open(&wanted.picture, "--picture")?,
+            record: open(&wanted.record, "--record", "{\n  \"pleach-record\"")?,
+            picture: open(&wanted.picture, "--picture", "<svg ")?,
         })
     }
 
