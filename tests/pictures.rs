@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use pleach::{Options, Session};
-use world::world::World;
+use world::world::{Mode, World};
 
 use crate::expected::{check_file, report};
 
@@ -11,7 +11,7 @@ use crate::expected::{check_file, report};
 fn the_picture_of_the_kitchen_is_what_the_example_gives() {
     let program = Path::new("examples/12-world/main.plan");
     let mut session = Session::new(Options::default());
-    *session.machine.world() = Some(Box::new(World::recorded()));
+    *session.machine.world() = Some(Box::new(World::empty(Mode::Projected, true)));
     let loaded = session.load_file(program).expect("the example is read");
     session.run(loaded, None, &mut String::new());
     let end_ns = session.machine.now();

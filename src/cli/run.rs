@@ -175,7 +175,8 @@ pub fn perform(job: &Job, show: &Show, start: &Start<'_>) -> Answer {
     };
     let records = Records::open(&start.record)?;
     if records.wanted() {
-        *session.machine.world() = Some(Box::new(world::world::World::recorded()));
+        let world = world::world::World::empty(job.settings.robot.mode(), true);
+        *session.machine.world() = Some(Box::new(world));
     }
     let mut console = Console::new(show, journal);
     let mut ended = run_call(&mut session, loaded, call.as_deref(), start, &mut console);

@@ -23,7 +23,7 @@ use crate::robot::error::nearest;
 use crate::scene::grasp::{back, lifted};
 use crate::scene::{ContainerId, Hands, ObjectId, Scene, SurfaceId};
 use crate::state::{Around, Grip, State, Support};
-use crate::world::{Ended, Motion, Wanted, World};
+use crate::world::{Ended, Mode, Motion, Wanted, World};
 
 natives! {
     "%checked-scene" [1] => checked_scene;
@@ -36,6 +36,7 @@ natives! {
     "%motion-result" [1] in ctx Motion => result;
     "%keep-world" [0] in ctx World => keep;
     "%go-back" [1] in ctx World => go_back;
+    "%robot-mode" [1] in ctx World => robot_mode;
 
     "put-object" [2 5] in ctx World => put_object;
     "robot-arms" [0] in ctx World => |ctx: &mut Ctx<'_>, _args| robot_arms(ctx);
@@ -413,6 +414,15 @@ fn go_back(ctx: &mut Ctx<'_>, args: &[Value]) -> Result<Next, Raise> {
     let kept = index(&args[0])?;
     world(ctx)?.go_back(kept);
     Ok(Value::NIL.into())
+}
+
+/// `(%robot-mode 'simulated)`: from now on; the mode until now.
+fn robot_mode(ctx: &mut Ctx<'_>, args: &[Value]) -> Result<Next, Raise> {
+    let known = Mode::ALL.iter().map(|(name, _)| *name);
+    let mode = find("a robot", &args[0], known)?;
+    let it = world(ctx)?;
+    let last = std::mem::replace(&mut it.mode, Mode::ALL[mode].1);
+    Ok(symbol(last.name()).into())
 }
 
 // ---------------------------------------------------------------------------------------------

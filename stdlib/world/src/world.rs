@@ -26,6 +26,8 @@ use crate::scene::{ContainerId, ObjectId, Scene};
 use crate::setting::{Machine, Setting};
 use crate::state::{Around, State, Support};
 
+/// The random numbers of a simulation are others than those of its motion.
+const OF_SIMULATION: u64 = 0x5157_7e5a_0c1d_33b9;
 /// Worlds in worlds that can be gone back to.
 pub const MOST_KEPT: usize = 64;
 
@@ -52,6 +54,34 @@ pub enum Motion {
     Detecting(Wanted),
 }
 
+/// How motions are done.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Mode {
+    /// As they should go: things hold where they are held, and come to rest where they are let go.
+    #[default]
+    Projected,
+    /// As they go when things have mass and friction.
+    Simulated,
+}
+
+impl Mode {
+    /// All modes by their names.
+    pub const ALL: [(&'static str, Mode); 2] =
+        [("projected", Mode::Projected), ("simulated", Mode::Simulated)];
+
+    /// What plans call it.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        Mode::ALL.iter().find(|(_, mode)| *mode == self).map_or("", |(name, _)| name)
+    }
+
+    /// The mode with a name.
+    #[must_use]
+    pub fn named(name: &str) -> Option<Mode> {
+        Mode::ALL.iter().find(|(other, _)| *other == name).map(|(_, mode)| *mode)
+    }
+}
+
 /// What is looked for.
 #[derive(Debug, Clone)]
 pub enum Wanted {
@@ -70,6 +100,8 @@ struct Running {
     outcome: Outcome,
     began_ns: u64,
     version: u64,
+    mode: Mode,
+    seed: u64,
 }
 
 /// How a motion has ended.
@@ -91,6 +123,8 @@ pub struct World {
     pub belief: Belief,
     /// What its motions have cost.
     pub costs: Costs,
+    /// How motions that begin now are done.
+    pub mode: Mode,
     /// The task clock when somebody last asked this world for something.
     pub now_ns: u64,
     /// What has happened, if anybody wants to know.
@@ -118,7 +152,7 @@ impl vm::world::World for World {
     fn fork(&self) -> Box<dyn vm::world::World> {
         let mut fork = World::new(self.state.clone());
         (fork.belief, fork.costs, fork.last_version) = (self.belief.clone(), self.costs, self.last_version);
-        fork.maps = self.maps.clone();
+        (fork.maps, fork.mode) = (self.maps.clone(), self.mode);
         Box::new(fork)
     }
 
@@ -135,6 +169,7 @@ impl World {
             state,
             belief: Belief::default(),
             costs: Costs::default(),
+            mode: Mode::default(),
             now_ns: 0,
             recording: None,
             maps: Maps::default(),
@@ -146,10 +181,10 @@ impl World {
         }
     }
 
-    /// An empty world that remembers what happens in it.
+    /// An empty world.
     #[must_use]
-    pub fn recorded() -> World {
-        World { recording: Some(Recording::default()), ..World::default() }
+    pub fn empty(mode: Mode, recorded: bool) -> World {
+        World { mode, recording: recorded.then(Recording::default), ..World::default() }
     }
 
     /// Another scene, everything where it is at first; the robot stays, at its start.
@@ -229,7 +264,8 @@ impl World {
         self.last_motion += 1;
         let duration_s = outcome.duration_s;
         let motion = self.recording.is_some().then(|| motion.clone());
-        let running = Running { motion, outcome, began_ns: now_ns, version: self.state.version };
+        let running =
+            Running { motion, outcome, began_ns: now_ns, version: self.state.version, mode: self.mode, seed };
         self.running.insert(self.last_motion, running);
         (self.last_motion, duration_s)
     }
@@ -281,16 +317,19 @@ impl World {
 
     /// Ends a motion at this time of the task clock: before its duration is over it was stopped.
     pub fn end(&mut self, number: u64, now_ns: u64) {
-        let Some(Running { motion, outcome, began_ns, version }) = self.running.remove(&number) else {
-            return;
-        };
+        let Some(running) = self.running.remove(&number) else { return };
+        let Running { motion, mut outcome, began_ns, version, mode, seed } = running;
         self.now_ns = now_ns;
         let passed_s = now_ns.saturating_sub(began_ns) as f64 / 1e9;
         // The clock has nanoseconds.
         let over = passed_s + 1e-9 >= outcome.duration_s;
         let share = if over { 1.0 } else { passed_s / outcome.duration_s };
         let before = self.state.clone();
-        outcome.track.play(&mut self.state, if over { f64::INFINITY } else { passed_s });
+        let lasted_s = if over { f64::INFINITY } else { passed_s };
+        outcome.track.play(&mut self.state, lasted_s);
+        if mode == Mode::Simulated && !outcome.track.keys.is_empty() {
+            self.simulate(&before, &mut outcome, lasted_s, seed);
+        }
         let costs = Costs {
             path_m: outcome.costs.path_m * share,
             straight_m: outcome.costs.straight_m * share,
@@ -316,6 +355,20 @@ impl World {
             self.record(Some(Done { motion, began_ns, track: outcome.track, costs, end }));
         }
         self.ended.insert(number, ended);
+    }
+
+    /// What physics makes of a motion that has been played into the state.
+    fn simulate(&mut self, before: &State, outcome: &mut Outcome, lasted_s: f64, seed: u64) {
+        let mut draws = Draws::new(seed ^ OF_SIMULATION);
+        let simulated = motions::simulate(before, &self.state, outcome, lasted_s, &mut draws);
+        self.state.set_joints(&simulated.joints);
+        simulated.events.iter().for_each(|event| event.play(&mut self.state));
+        // Where projection has let things fall, they have fallen here.
+        let falls = outcome.track.events.iter().any(|(_, event)| matches!(event, Event::Put(..)));
+        outcome.trouble = match falls {
+            true => simulated.trouble,
+            false => outcome.trouble.take().or(simulated.trouble),
+        };
     }
 
     /// How a motion has ended, once.

@@ -155,7 +155,7 @@ fn run(bodies: &mut RigidBodySet, colliders: &mut ColliderSet, handles: &[RigidB
 }
 
 /// On what an object rests, and its pose there: exactly, if it stands.
-fn ground(state: &State, object: ObjectId, pose: &Isometry3<f64>) -> (Support, Isometry3<f64>) {
+pub(super) fn ground(state: &State, object: ObjectId, pose: &Isometry3<f64>) -> (Support, Isometry3<f64>) {
     let kind = state.setting.scene.kind_of(object);
     let up = pose.rotation * Vector3::z();
     let tilt = libm::atan2(libm::hypot(up.x, up.y), up.z);
@@ -187,7 +187,7 @@ fn ground(state: &State, object: ObjectId, pose: &Isometry3<f64>) -> (Support, I
 }
 
 /// What is wrong with where an object has come to rest.
-fn judge(
+pub(super) fn judge(
     state: &State,
     object: ObjectId,
     before: &Isometry3<f64>,
