@@ -28,6 +28,7 @@ Examples:
   pleach run kitchen.plan --json > monday.json    to be asked with: pleach query … --tree monday.json
   pleach run long.plan --log long.log --stop-at 5000 && pleach resume long.log
   pleach run kitchen.plan --picture monday.svg --record monday.json
+  pleach run kitchen.plan --robot simulated
 
 The program's own output goes to stdout; the tree of its tasks, failures and --trace go to stderr.
 With --json stdout is one object, and the program's output goes to stderr:

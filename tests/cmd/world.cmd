@@ -29,6 +29,29 @@
 === nothing.plan
 (def-plan main () (print "no world"))
 
+=== drop.plan
+(use world)
+(use robots)
+(use scenes/kitchen)
+
+(def-plan main ()
+  (use-scene kitchen)
+  (use-robot pr2 :at (pose 1.1 3.35 0 :yaw 3.14159))
+  (moving-torso 0.2)
+  (looking (surface-pose 'sink_area))
+  (detecting)
+  (releasing 'left)
+  (let ((ways (grasp 'cup-1 'front)))
+    (moving-tcp 'left (list (first ways) (second ways)) :touching 'cup-1)
+    (gripping 'left 'cup-1)
+    (moving-tcp 'left (transform (pose 0 0 0.2) (second ways)) :touching 'cup-1))
+  (with-failure-handling
+      ((placing-failure (e)
+         (print (failure-type e) (get e :object))
+         (return nil)))
+    (releasing 'left))
+  (print (where-is 'cup-1)))
+
 === commands
 $ pleach run room.plan --quiet --record room.json --picture room.svg
 --- exit 0
@@ -103,6 +126,29 @@ $ pleach run nothing.plan --picture x.svg --schedules 0..2
 error: the argument '--picture <FILE.svg>' cannot be used with '--schedules <A..B>'
 
 Usage: pleach run --picture <FILE.svg> <FILE>
+
+For more information, try '--help'.
+--- exit 2
+$ pleach run drop.plan --quiet
+object-fell cup-1
+sink_area
+--- exit 0
+$ pleach run drop.plan --quiet --robot simulated
+object-fell cup-1
+sink_area
+--- exit 0
+$ pleach run drop.plan --quiet --robot simulated --log drop.log && pleach replay drop.log --quiet
+object-fell cup-1
+sink_area
+object-fell cup-1
+sink_area
+--- exit 0
+$ pleach run drop.plan --robot imagined
+--- stderr
+error: invalid value 'imagined' for '--robot <KIND>'
+  [possible values: projected, simulated]
+
+  tip: a similar value exists: 'simulated'
 
 For more information, try '--help'.
 --- exit 2

@@ -119,8 +119,19 @@ fn simulate(state: &State, load: &[ObjectId], origin: &Vector3<f64>) -> Vec<Isom
         .collect()
 }
 
+/// Of rapier, for things of the size of a hand: by default contacts are those of things ten times as large, and one is used
+/// again until the two have moved by 5 cm, with the normal that it had.
+pub(super) fn parameters(step_s: f32) -> IntegrationParameters {
+    IntegrationParameters {
+        dt: step_s,
+        length_unit: 0.1,
+        contact_recycling: false,
+        ..IntegrationParameters::default()
+    }
+}
+
 fn run(bodies: &mut RigidBodySet, colliders: &mut ColliderSet, handles: &[RigidBodyHandle]) {
-    let parameters = IntegrationParameters { dt: STEP_S, ..IntegrationParameters::default() };
+    let parameters = parameters(STEP_S);
     let mut pipeline = PhysicsPipeline::new();
     let (mut islands, mut broad, mut narrow) =
         (IslandManager::new(), DefaultBroadPhase::new(), NarrowPhase::new());

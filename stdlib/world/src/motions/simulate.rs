@@ -26,7 +26,8 @@ use crate::setting::Machine;
 use crate::shape::PosedShape;
 use crate::state::{Grip, State, Support, fingers};
 
-use super::settle::{ground, judge};
+use super::hand::nearest_grasp;
+use super::settle::{ground, judge, parameters};
 use super::{Draws, Event, MODEL, Outcome, Trouble};
 
 /// Seconds of a step.
@@ -39,14 +40,17 @@ const MOST_REST: usize = 360;
 /// What counts as rest, m/s and rad/s; so many steps in a row.
 const REST: f32 = 0.01;
 const REST_STEPS: usize = 10;
-/// Controllers follow with two delays of this length, seconds.
-const DELAY_S: f64 = 0.08;
+/// Controllers follow with two delays of this length, seconds: those of a heavy base, and of joints.
+const BASE_DELAY_S: f64 = 0.1;
+const JOINT_DELAY_S: f64 = 0.03;
 /// Objects are dynamic that are this near to where something moves, metres; the others that stand this near to those stay where
 /// they are.
 const TOUCHED_M: f64 = 0.03;
 const NEAR_M: f64 = 0.5;
 /// The way of the robot is looked at so often to find what is near it.
 const LOOKS: usize = 60;
+/// A finger is in an object that is deeper below its surface than this, metres.
+const INSIDE_M: f64 = 0.0005;
 /// The spring of a grip, per unit of mass: it gives way by a tenth of a millimetre under an object's own weight.
 const STIFFNESS: f32 = 1.0e5;
 const DAMPING: f32 = 1.0e3;
@@ -311,20 +315,49 @@ impl<'a> Bench<'a> {
         let body = self.bodies.insert(RigidBodyBuilder::dynamic().pose(parry_pose(&pose)).can_sleep(false));
         let volume: f64 = kind.shapes.iter().map(|it| it.shape.volume()).sum();
         let density = (kind.mass_kg / volume.max(1e-9)) as f32;
-        // Hands that hold it, or take or release it now, are inside of its outline.
+        // Hands that hold it, or take or release it now, are inside of its outline; so are
+        // fingers that a grasp has in a bowl.
         let taking = outcome.track.events.iter().flat_map(|(_, event)| match event {
             Event::Take(taken, arms) if *taken == object => arms.clone(),
             _ => Vec::new(),
         });
-        let hands = taking.chain(self.before.holders(object)).fold(0, |bits, arm| bits | hand_bit(arm));
+        let inside = (0..self.machine.limbs.arms.len()).filter(|arm| self.is_inside(*arm, object, outcome));
+        let hands = taking.chain(self.before.holders(object)).chain(inside);
+        let hands = hands.fold(0, |bits, arm| bits | hand_bit(arm));
         for shape in &kind.shapes {
             let (at, solid) = Solid::new(shape).part();
             let collider =
                 ColliderBuilder::new(solid).position(at).density(density).friction(friction as f32);
+            // The smoother of two things decides.
+            let collider = collider.friction_combine_rule(CoefficientCombineRule::Min);
             let collider = collider.collision_groups(groups(THINGS, !hands));
             self.colliders.insert_with_parent(collider, body, &mut self.bodies);
         }
         self.bodies_of_objects.push(Loose { object, body, friction });
+    }
+
+    /// True if fingers begin or end in an object where a grasp has them.
+    fn is_inside(&self, arm: usize, object: ObjectId, outcome: &Outcome) -> bool {
+        let mut after = self.before.clone();
+        outcome.track.play_keys(&mut after, f64::INFINITY);
+        let shapes = &self.before.setting.scene.kind_of(object).shapes;
+        let core: Vec<Solid> = shapes
+            .iter()
+            .map(|it| Solid::new(&PosedShape { pose: it.pose, shape: it.shape.shrunk(INSIDE_M) }))
+            .collect();
+        let pose = self.before.object_pose(object);
+        let links = self.machine.robot.links();
+        let grasps = &self.before.setting.scene.kind_of(object).grasps;
+        [self.before, &after].iter().any(|state| {
+            let (_, off_m) = nearest_grasp(grasps, &pose, &[state.tool(arm)]);
+            let poses = state.links();
+            off_m <= 2.0 * MODEL.grasp_m
+                && fingers(self.machine, arm).iter().any(|link| {
+                    let mut of_link = links[link.index()].shapes.iter().map(Solid::new);
+                    of_link
+                        .any(|finger| core.iter().any(|it| it.touches(&pose, &finger, &poses[link.index()])))
+                })
+        })
     }
 
     fn loose_one(&self, object: ObjectId) -> Option<&Loose> {
@@ -369,7 +402,7 @@ impl<'a> Bench<'a> {
 
     /// Through the time of the motion, and until all rests.
     fn run(&mut self, outcome: &Outcome, lasted_s: f64) {
-        let parameters = IntegrationParameters { dt: STEP_S, ..IntegrationParameters::default() };
+        let parameters = parameters(STEP_S);
         let mut pipeline = PhysicsPipeline::new();
         let (mut islands, mut broad, mut narrow) =
             (IslandManager::new(), DefaultBroadPhase::new(), NarrowPhase::new());
@@ -430,10 +463,10 @@ impl<'a> Bench<'a> {
     fn follow(&mut self, outcome: &Outcome, time_s: f64) {
         let mut wanted = self.before.clone();
         outcome.track.play_keys(&mut wanted, time_s);
-        let share = f64::from(STEP_S) / DELAY_S;
+        let share = f64::from(STEP_S) / JOINT_DELAY_S;
         let mut target = wanted;
         for late in &mut self.follows {
-            late.base = between(&late.base, &target.base, share);
+            late.base = between(&late.base, &target.base, f64::from(STEP_S) / BASE_DELAY_S);
             let joints =
                 late.joints.iter().zip(target.joints.iter()).map(|(from, to)| from + (to - from) * share);
             late.joints = joints.collect();

@@ -8,6 +8,7 @@ mod motions;
 mod nav;
 mod path;
 mod sight;
+mod simulate;
 mod text;
 mod urdf;
 
