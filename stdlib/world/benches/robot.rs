@@ -38,7 +38,7 @@ fn line(name: &str, ns: f64, per: &str, note: &str) {
 }
 
 /// A configuration by chance.
-fn configuration(dice: &mut Dice, chain: &Chain) -> Vec<f64> {
+fn by_chance(dice: &mut Dice, chain: &Chain) -> Vec<f64> {
     let pi = std::f64::consts::PI;
     chain
         .limits()
@@ -76,8 +76,8 @@ fn solve_random(name: &str, solver: &Solver, queries: usize) {
     let targets: Vec<(Isometry3<f64>, Vec<f64>)> = (0..queries)
         .map(|_| {
             (
-                solver.chain().forward(&configuration(&mut dice, solver.chain())),
-                configuration(&mut dice, solver.chain()),
+                solver.chain().forward(&by_chance(&mut dice, solver.chain())),
+                by_chance(&mut dice, solver.chain()),
             )
         })
         .collect();
@@ -88,7 +88,7 @@ fn solve_random(name: &str, solver: &Solver, queries: usize) {
 fn solve_near(name: &str, solver: &Solver, queries: usize) {
     let mut dice = Dice(2);
     let mut near = || {
-        let there = configuration(&mut dice, solver.chain());
+        let there = by_chance(&mut dice, solver.chain());
         let here = there.iter().map(|value| value + 0.1 * (dice.unit() - 0.5)).collect();
         (solver.chain().forward(&there), here)
     };
@@ -182,7 +182,7 @@ fn collision(wanted: &dyn Fn(&str) -> bool, robot: &Robot, limbs: &Limbs) {
     while samples.len() < 500 {
         let mut configuration = robot.zero();
         for arm in &limbs.arms {
-            arm.chain.place(&configuration(&mut dice, &arm.chain), &mut configuration);
+            arm.chain.place(&by_chance(&mut dice, &arm.chain), &mut configuration);
         }
         let mut poses = Vec::new();
         robot.forward(&Isometry3::identity(), &configuration, &mut poses);
