@@ -425,7 +425,7 @@ fn forks_do_not_influence_one_another() {
 }
 
 /// All bits of a state, in one number.
-fn bits(errand: &Errand) -> u64 {
+pub(super) fn bits(errand: &Errand) -> u64 {
     let state = &errand.world.state;
     let mut hash = 0u64;
     let mut add = |number: f64| hash = vm::random::mix(hash ^ number.to_bits());
