@@ -28,6 +28,8 @@ pub struct Options {
     pub seed: u64,
     /// Key of the order in which ready tasks have their turns; 0 is the order of the source.
     pub schedule: u64,
+    /// How motions of robots are done.
+    pub robot: world::world::Mode,
     /// Time passes as it does on the wall, not at once. What is replayed takes no time nevertheless.
     pub real_time: bool,
     /// Keep the syntax trees, for those who walk them.
@@ -214,6 +216,9 @@ impl Session {
     pub fn new(options: Options) -> Session {
         let mut machine = Machine::new(options.limits, options.grants, options.seed);
         machine.schedule = options.schedule;
+        if options.robot != world::world::Mode::default() {
+            *machine.world() = Some(Box::new(world::world::World::empty(options.robot, false)));
+        }
         machine.program.natives = stdlib::natives();
         machine.program.natives.extend(world::natives());
         let mut front = Front::default();

@@ -20,6 +20,7 @@ mod fluents;
 mod fuzz_regressions;
 mod limits;
 mod oracle;
+mod pictures;
 mod program;
 mod repl;
 mod rules;

@@ -1,5 +1,6 @@
 //! `pleach run`, and what `resume` and `replay` share with it: load, run, report.
 
+use std::fs::File;
 use std::io::{BufWriter, IsTerminal as _, Write};
 use std::path::{Path, PathBuf};
 
@@ -26,6 +27,8 @@ Examples:
   pleach run team.plan --schedules 0..200
   pleach run kitchen.plan --json > monday.json    to be asked with: pleach query … --tree monday.json
   pleach run long.plan --log long.log --stop-at 5000 && pleach resume long.log
+  pleach run kitchen.plan --picture monday.svg --record monday.json
+  pleach run kitchen.plan --robot simulated
 
 The program's own output goes to stdout; the tree of its tasks, failures and --trace go to stderr.
 With --json stdout is one object, and the program's output goes to stderr:
@@ -62,8 +65,10 @@ pub struct Run {
     args: Vec<String>,
     #[command(flatten)]
     show: Show,
+    #[command(flatten)]
+    record: Record,
     /// Run once for each of these schedules, and say whether they end alike: 0..200
-    #[arg(long, value_name = "A..B", value_parser = super::schedules::range, conflicts_with_all = ["log", "stop_at", "trace", "timeline", "schedule"])]
+    #[arg(long, value_name = "A..B", value_parser = super::schedules::range, conflicts_with_all = ["log", "stop_at", "trace", "timeline", "schedule", "record", "picture"])]
     schedules: Option<std::ops::Range<u64>>,
     /// Write what comes from outside into a file, so that the run can be resumed and replayed
     #[arg(long, value_name = "FILE")]
@@ -95,6 +100,18 @@ pub struct Show {
     all: bool,
 }
 
+/// What is kept of the world of a run.
+#[derive(Debug, Clone, Default, Args)]
+#[group(skip)]
+pub struct Record {
+    /// Write the motions of the robot and the ways of the objects over time into a file, as JSON
+    #[arg(long, value_name = "FILE.json")]
+    record: Option<PathBuf>,
+    /// Draw the world from above with what happened in it into a file
+    #[arg(long, value_name = "FILE.svg")]
+    picture: Option<PathBuf>,
+}
+
 impl Show {
     /// Result as JSON on stdout.
     pub fn json(&self) -> bool {
@@ -122,6 +139,8 @@ pub struct Start<'a> {
     pub recorded: Option<&'a Recorded>,
     /// Where a new log goes.
     pub log: Option<&'a Path>,
+    /// Where it is said what happened in the world.
+    pub record: Record,
     /// When to stop.
     pub stop_at: Option<u64>,
     /// Only look: nothing outside is asked again, and the log is not written.
@@ -134,7 +153,7 @@ pub fn run(it: Run) -> Answer {
     if let Some(schedules) = it.schedules {
         return super::schedules::explore(&job, &it.show, schedules);
     }
-    let start = Start { log: it.log.as_deref(), stop_at: it.stop_at, ..Start::default() };
+    let start = Start { log: it.log.as_deref(), record: it.record, stop_at: it.stop_at, ..Start::default() };
     perform(&job, &it.show, &start)
 }
 
@@ -155,15 +174,95 @@ pub fn perform(job: &Job, show: &Show, start: &Start<'_>) -> Answer {
         (None, Some(recorded)) if !start.sealed => Some(Journal::reopen(recorded)?),
         _ => None,
     };
+    let records = Records::open(&start.record)?;
+    if records.wanted() {
+        let world = world::world::World::empty(job.settings.robot.mode(), true);
+        *session.machine.world() = Some(Box::new(world));
+    }
     let mut console = Console::new(show, journal);
     let mut ended = run_call(&mut session, loaded, call.as_deref(), start, &mut console);
     if session.log_ended {
         ended = again(&mut session, job, call.as_deref(), start)?;
     }
     let code = report(&session, &ended, show, &mut console, job);
+    records.write(&mut session, job)?;
     // Freeing a large tree takes longer than leaving that to the system.
     std::mem::forget(session);
     code
+}
+
+/// Files that take what happened in the world. They are opened before the run begins: whoever cannot write them wants to know
+/// that then.
+#[derive(Default)]
+struct Records {
+    record: Option<(PathBuf, File)>,
+    picture: Option<(PathBuf, File)>,
+}
+
+impl Records {
+    fn open(wanted: &Record) -> Result<Records, Trouble> {
+        let open = |path: &Option<PathBuf>, option: &str, head: &str| {
+            let Some(path) = path else { return Ok(None) };
+            let known = std::fs::read(path).unwrap_or_default();
+            if !known.is_empty() && !known.starts_with(head.as_bytes()) {
+                let what = format!("{} is no file of {option}, and is not overwritten", path.display());
+                return Err(Trouble::new(what, format!("choose another name after {option}")));
+            }
+            let cannot = |error| {
+                let what = format!("cannot write {}: {}", path.display(), pleach::files::why(&error));
+                Trouble::new(what, format!("name a file in a folder that is there: {option} FILE"))
+            };
+            File::create(path).map(|file| Some((path.clone(), file))).map_err(cannot)
+        };
+        if wanted.record.is_some() && wanted.record == wanted.picture {
+            return Err(Trouble::new("--record and --picture name the same file", "name two files"));
+        }
+        Ok(Records {
+            record: open(&wanted.record, "--record", "{\n  \"pleach-record\"")?,
+            picture: open(&wanted.picture, "--picture", "<svg ")?,
+        })
+    }
+
+    fn wanted(&self) -> bool {
+        self.record.is_some() || self.picture.is_some()
+    }
+
+    fn write(self, session: &mut Session, job: &Job) -> Result<(), Trouble> {
+        if !self.wanted() {
+            return Ok(());
+        }
+        let end_ns = session.machine.now();
+        let slot = session.machine.world();
+        let world = slot.as_mut().and_then(|it| it.as_any().downcast_mut::<world::world::World>());
+        let recording = world.and_then(|it| it.recording.clone()).unwrap_or_default();
+        if recording.is_empty() {
+            let files: Vec<String> = [&self.record, &self.picture]
+                .iter()
+                .filter_map(|it| it.as_ref())
+                .map(|it| it.0.display().to_string())
+                .collect();
+            term::complain(&format!(
+                "note: this run has no world, so there is nothing in {}\n",
+                files.join(" and ")
+            ));
+        }
+        let put = |file: Option<(PathBuf, File)>, text: &dyn Fn() -> String| {
+            let Some((path, mut file)) = file else { return Ok(()) };
+            file.write_all(text().as_bytes()).map_err(|error| {
+                Trouble::from(format!("cannot write {}: {}", path.display(), pleach::files::why(&error)))
+            })
+        };
+        let plan = job.plan.clone().unwrap_or_else(|| "main".into());
+        put(self.record, &|| {
+            let mut about = serde_json::Map::new();
+            about.insert("file".into(), json!(job.file));
+            about.insert("plan".into(), json!(plan));
+            about.insert("seed".into(), json!(job.settings.seed));
+            recording.json(about, end_ns)
+        })?;
+        let file = job.file.file_name().map_or_else(String::new, |it| it.to_string_lossy().into_owned());
+        put(self.picture, &|| recording.picture(&format!("{file}, {plan}"), end_ns))
+    }
 }
 
 fn run_call(

@@ -5,6 +5,7 @@ use pleach::Options;
 use pleach::render::Style;
 use serde_json::{Value as Json, json};
 use vm::limits::{Grants, Limits};
+use world::world::Mode;
 
 use super::Trouble;
 
@@ -20,6 +21,9 @@ pub struct Settings {
     /// What time is
     #[arg(long, value_name = "KIND", default_value = "virtual")]
     pub clock: Clock,
+    /// How the robot of the world moves
+    #[arg(long, value_name = "KIND", default_value = "projected")]
+    pub robot: Robot,
     /// Most calls and backward jumps
     #[arg(long, value_name = "N", value_parser = count, help_heading = "Limits")]
     pub fuel: Option<u64>,
@@ -50,6 +54,25 @@ pub enum Clock {
     Real,
 }
 
+/// How the robot of the world moves.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+pub enum Robot {
+    /// As it should.
+    Projected,
+    /// As it does when things have mass and friction.
+    Simulated,
+}
+
+impl Robot {
+    /// The same for the world.
+    pub fn mode(self) -> Mode {
+        match self {
+            Robot::Projected => Mode::Projected,
+            Robot::Simulated => Mode::Simulated,
+        }
+    }
+}
+
 impl Settings {
     /// As options of a session.
     pub fn options(&self, style: Style) -> Result<Options, Trouble> {
@@ -58,6 +81,7 @@ impl Settings {
             grants: self.grants()?,
             seed: self.seed,
             schedule: self.schedule,
+            robot: self.robot.mode(),
             real_time: self.clock == Clock::Real,
             style,
             ..Options::default()
@@ -100,7 +124,7 @@ impl Settings {
         let limits =
             json!({"fuel": fuel, "depth": depth, "memory": memory, "nodes": nodes, "output": output});
         let clock = self.clock.to_possible_value().map(|it| it.get_name().to_string());
-        json!({"seed": self.seed, "schedule": self.schedule, "clock": clock, "limits": limits, "allow": self.allow})
+        json!({"seed": self.seed, "schedule": self.schedule, "clock": clock, "robot": self.robot.mode().name(), "limits": limits, "allow": self.allow})
     }
 
     /// From the head of a log.
@@ -111,6 +135,10 @@ impl Settings {
             seed: json["seed"].as_u64()?,
             schedule: json["schedule"].as_u64()?,
             clock: Clock::from_str(json["clock"].as_str()?, false).ok()?,
+            // Logs of older versions do not say it.
+            robot: json["robot"]
+                .as_str()
+                .map_or(Some(Robot::Projected), |it| Robot::from_str(it, false).ok())?,
             fuel: Some(limit("fuel")?),
             depth: Some(limit("depth")?),
             memory: Some(limit("memory")?),

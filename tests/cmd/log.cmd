@@ -17,7 +17,7 @@ $ pleach run main.plan --allow read=data --log run.log --stop-at 3000 2>&1 | tai
 go on with: pleach resume run.log
 --- exit 0
 $ sed 's/"folder":"[^"]*"/"folder":"…"/; s/"hash":"[^"]*"/"hash":"…"/g; s/"program":"[^"]*"/"program":"…"/' run.log
-{"pleach-log":2,"pleach":"0.1.0","program":"…","file":"main.plan","plan":null,"args":[],"quantum":1000,"folder":"…","files":[{"name":"library/","hash":"…"},{"name":"main.plan","hash":"…"}],"seed":0,"schedule":0,"clock":"virtual","limits":{"fuel":2000000000,"depth":20000000,"memory":4294967296,"nodes":20000000,"output":268435456},"allow":["read=data"]}
+{"pleach-log":2,"pleach":"0.1.0","program":"…","file":"main.plan","plan":null,"args":[],"quantum":1000,"folder":"…","files":[{"name":"library/","hash":"…"},{"name":"main.plan","hash":"…"}],"seed":0,"schedule":0,"clock":"virtual","robot":"projected","limits":{"fuel":2000000000,"depth":20000000,"memory":4294967296,"nodes":20000000,"output":268435456},"allow":["read=data"]}
 {"round":1,"step":8,"clock":0,"events":[{"slot":6,"attempt":1,"number":1,"request":"read data/list.txt","answer":"milk, tea\n"}]}
 --- exit 0
 $ cp run.log stopped.log

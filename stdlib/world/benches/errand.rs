@@ -3,6 +3,7 @@
 //! The shipped kitchen and PR2: to the sink, take the cup, to the island, put it down. No language. Each
 //! figure is the median of nine runs, CPU time of the process; budgets and what was seen: `README.md`.
 
+mod measure;
 #[path = "../src/tests/text.rs"]
 #[allow(dead_code)]
 mod text;
@@ -21,9 +22,10 @@ use world::search::place::{Item, Wishes, free_poses};
 use world::search::{reach, stand};
 use world::setting::Setting;
 use world::state::{Around, Grip, State, Support};
-use world::world::{Ended, Motion, World};
+use world::world::{Ended, Mode, Motion, World};
 
-const RUNS: usize = 9;
+use measure::{RUNS, measure, median};
+
 const WEST: f64 = std::f64::consts::PI;
 
 fn main() {
@@ -34,19 +36,17 @@ fn main() {
     let start = State::new(setting, Place::new(1.6, 2.0, 0.0).pose());
     errand(&mut Stage::new(&start));
     line("an errand: take a cup, put it down", measure(1, || errand(&mut Stage::new(&start))), "errand");
-    parts(&start);
+    parts(&start, Mode::Projected);
+    let simulated = || errand(&mut Stage { world: in_mode(&start, Mode::Simulated), ..Stage::new(&start) });
+    line("the same, simulated", measure(1, simulated), "errand");
+    parts(&start, Mode::Simulated);
+    questions(&start);
 }
 
-fn measure(operations: usize, mut work: impl FnMut()) -> f64 {
-    let mut times: Vec<f64> = (0..RUNS)
-        .map(|_| {
-            let begin = ProcessTime::now();
-            work();
-            begin.elapsed().as_nanos() as f64
-        })
-        .collect();
-    times.sort_by(f64::total_cmp);
-    times[RUNS / 2] / operations as f64
+fn in_mode(start: &State, mode: Mode) -> World {
+    let mut world = World::new(start.clone());
+    world.mode = mode;
+    world
 }
 
 fn line(name: &str, ns: f64, per: &str) {
@@ -110,18 +110,20 @@ fn place_tool(state: &State) -> Isometry3<f64> {
     state.surface_pose(island) * upright(Vector3::new(0.2, 0.0, 0.049), 0.0) * in_tool.inverse()
 }
 
-fn parts(start: &State) {
+fn parts(start: &State, mode: Mode) {
     let mut all: Vec<Vec<(&str, f64)>> = Vec::new();
     for _ in 0..RUNS {
-        let mut stage = Stage::new(start);
+        let mut stage = Stage { world: in_mode(start, mode), ..Stage::new(start) };
         errand(&mut stage);
         all.push(stage.times);
     }
     for (number, (name, _)) in all[0].iter().enumerate() {
-        let mut times: Vec<f64> = all.iter().map(|run| run[number].1).collect();
-        times.sort_by(f64::total_cmp);
-        line(&format!("  {name}"), times[RUNS / 2], "motion");
+        let times = all.iter().map(|run| run[number].1).collect();
+        line(&format!("  {name}"), median(times), "motion");
     }
+}
+
+fn questions(start: &State) {
     let stage = World::new(start.clone());
     const MANY: usize = 1000;
     line("fork", measure(MANY, || (0..MANY).for_each(|_| drop(std::hint::black_box(stage.fork())))), "fork");

@@ -4,9 +4,10 @@
 //! parked arms. Each figure is the median of nine runs, CPU time of the process. What was seen:
 //! `benches/README.md` beside this file.
 
+mod measure;
+
 use std::sync::Arc;
 
-use cpu_time::ProcessTime;
 use nalgebra::{Isometry3, Point3, Vector2, Vector3};
 use world::nav::{Barrier, Costmap, Flood, Footprint, Ground, Map, Place, Room, Settings, Speeds};
 use world::robot::chain::DriveKind;
@@ -15,8 +16,7 @@ use world::robot::{Chains, Robot};
 use world::shape::{PosedShape, Shape};
 use world::sight::{Camera, Things};
 
-/// How often each workload runs.
-const RUNS: usize = 9;
+use measure::Dice;
 
 fn main() {
     let pattern = std::env::args().skip(1).find(|arg| !arg.starts_with("--")).unwrap_or_default();
@@ -31,33 +31,12 @@ fn main() {
 // Measuring
 
 /// Median of the CPU time of `work`, in µs, divided by the number of operations it does.
-fn measure(operations: usize, mut work: impl FnMut()) -> f64 {
-    let mut times: Vec<f64> = (0..RUNS)
-        .map(|_| {
-            let start = ProcessTime::now();
-            work();
-            start.elapsed().as_nanos() as f64 / 1000.0
-        })
-        .collect();
-    times.sort_by(f64::total_cmp);
-    times[RUNS / 2] / operations as f64
+fn measure(operations: usize, work: impl FnMut()) -> f64 {
+    measure::measure(operations, work) / 1000.0
 }
 
 fn line(name: &str, us: f64, per: &str, note: &str) {
     println!("{name:<40} {us:>10.2} µs per {per:<8} {note}");
-}
-
-/// Numbers from 0 to 1 (SplitMix64).
-struct Dice(u64);
-
-impl Dice {
-    fn unit(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-        ((z ^ (z >> 31)) >> 11) as f64 / (1_u64 << 53) as f64
-    }
 }
 
 // ---------------------------------------------------------------------------------------------

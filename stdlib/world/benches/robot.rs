@@ -5,7 +5,8 @@
 //! ago. Each figure is the median of nine runs, CPU time of the process. Budgets and what was seen:
 //! `benches/README.md` beside this file.
 
-use cpu_time::ProcessTime;
+mod measure;
+
 use nalgebra::{Isometry3, Vector3, Vector6};
 use world::robot::collision::{Body, Carried, CollisionModel, Obstacles, Scratch};
 use world::robot::ik::{Effort, Solver};
@@ -14,8 +15,7 @@ use world::robot::urdf::{ONE_ARM, PR2};
 use world::robot::{Chain, Chains, Limbs, Robot};
 use world::shape::{PosedShape, Shape};
 
-/// How often each workload runs.
-const RUNS: usize = 9;
+use measure::{Dice, measure};
 
 fn main() {
     let pattern = std::env::args().skip(1).find(|arg| !arg.starts_with("--")).unwrap_or_default();
@@ -33,44 +33,19 @@ fn main() {
 // ---------------------------------------------------------------------------------------------
 // Measuring
 
-/// Median of the CPU time of `work`, in ns, divided by the number of operations it does.
-fn measure(operations: usize, mut work: impl FnMut()) -> f64 {
-    let mut times: Vec<f64> = (0..RUNS)
-        .map(|_| {
-            let start = ProcessTime::now();
-            work();
-            start.elapsed().as_nanos() as f64
-        })
-        .collect();
-    times.sort_by(f64::total_cmp);
-    times[RUNS / 2] / operations as f64
-}
-
 fn line(name: &str, ns: f64, per: &str, note: &str) {
     println!("{name:<34} {ns:>10.1} ns per {per:<8} {note}");
 }
 
-/// Numbers from 0 to 1 (SplitMix64).
-struct Dice(u64);
-
-impl Dice {
-    fn unit(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-        ((z ^ (z >> 31)) >> 11) as f64 / (1_u64 << 53) as f64
-    }
-
-    fn configuration(&mut self, chain: &Chain) -> Vec<f64> {
-        let pi = std::f64::consts::PI;
-        chain
-            .limits()
-            .iter()
-            .map(|limits| limits.unwrap_or((-pi, pi)))
-            .map(|(low, high)| low + (high - low) * self.unit())
-            .collect()
-    }
+/// A configuration by chance.
+fn by_chance(dice: &mut Dice, chain: &Chain) -> Vec<f64> {
+    let pi = std::f64::consts::PI;
+    chain
+        .limits()
+        .iter()
+        .map(|limits| limits.unwrap_or((-pi, pi)))
+        .map(|(low, high)| low + (high - low) * dice.unit())
+        .collect()
 }
 
 // ---------------------------------------------------------------------------------------------
@@ -100,7 +75,10 @@ fn solve_random(name: &str, solver: &Solver, queries: usize) {
     let mut dice = Dice(1);
     let targets: Vec<(Isometry3<f64>, Vec<f64>)> = (0..queries)
         .map(|_| {
-            (solver.chain().forward(&dice.configuration(solver.chain())), dice.configuration(solver.chain()))
+            (
+                solver.chain().forward(&by_chance(&mut dice, solver.chain())),
+                by_chance(&mut dice, solver.chain()),
+            )
         })
         .collect();
     solve_all(name, solver, &targets);
@@ -110,7 +88,7 @@ fn solve_random(name: &str, solver: &Solver, queries: usize) {
 fn solve_near(name: &str, solver: &Solver, queries: usize) {
     let mut dice = Dice(2);
     let mut near = || {
-        let there = dice.configuration(solver.chain());
+        let there = by_chance(&mut dice, solver.chain());
         let here = there.iter().map(|value| value + 0.1 * (dice.unit() - 0.5)).collect();
         (solver.chain().forward(&there), here)
     };
@@ -204,7 +182,7 @@ fn collision(wanted: &dyn Fn(&str) -> bool, robot: &Robot, limbs: &Limbs) {
     while samples.len() < 500 {
         let mut configuration = robot.zero();
         for arm in &limbs.arms {
-            arm.chain.place(&dice.configuration(&arm.chain), &mut configuration);
+            arm.chain.place(&by_chance(&mut dice, &arm.chain), &mut configuration);
         }
         let mut poses = Vec::new();
         robot.forward(&Isometry3::identity(), &configuration, &mut poses);

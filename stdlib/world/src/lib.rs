@@ -23,6 +23,7 @@ pub mod parry;
 pub mod places;
 pub mod read;
 pub mod read_robot;
+pub mod record;
 pub mod rehearse;
 pub mod robot;
 pub mod scene;

@@ -23,7 +23,7 @@ use crate::robot::model::turn;
 use crate::scene::grasp::{back, lifted};
 use crate::scene::{ContainerId, Hands, ObjectId, Scene, SurfaceId};
 use crate::state::{Around, Grip, State, Support};
-use crate::world::{Ended, Motion, Wanted, World};
+use crate::world::{Ended, Mode, Motion, Wanted, World};
 
 mod search;
 
@@ -38,6 +38,7 @@ natives! {
     "%motion-result" [1] in ctx Motion => result;
     "%keep-world" [0] in ctx World => keep;
     "%go-back" [1] in ctx World => go_back;
+    "%robot-mode" [1] in ctx World => robot_mode;
 
     "put-object" [2 5] in ctx World => put_object;
     "robot-arms" [0] in ctx Look => |ctx: &mut Ctx<'_>, _args| robot_arms(ctx);
@@ -85,9 +86,12 @@ natives! {
 
 /// The world of the run.
 pub(crate) fn world<'a>(ctx: &'a mut Ctx<'_>) -> Result<&'a mut World, Raise> {
+    let now_ns = ctx.now_ns();
     let slot = ctx.world().get_or_insert_with(|| Box::new(World::default()));
     let other = || Box::new(Failure::new(Builtin::ProgramError, "this run has a world of another kind"));
-    slot.as_any().downcast_mut::<World>().ok_or_else(other)
+    let world = slot.as_any().downcast_mut::<World>().ok_or_else(other)?;
+    world.now_ns = now_ns;
+    Ok(world)
 }
 
 /// The world has become another: fluents about it are computed again. The value is nil.
@@ -433,6 +437,15 @@ fn go_back(ctx: &mut Ctx<'_>, args: &[Value]) -> Result<Next, Raise> {
     let kept = index(&args[0])?;
     world(ctx)?.go_back(kept);
     changed()
+}
+
+/// `(%robot-mode 'simulated)`: from now on; the mode until now.
+fn robot_mode(ctx: &mut Ctx<'_>, args: &[Value]) -> Result<Next, Raise> {
+    let known = Mode::ALL.iter().map(|(name, _)| *name);
+    let mode = find("a robot", &args[0], known)?;
+    let it = world(ctx)?;
+    let last = std::mem::replace(&mut it.mode, Mode::ALL[mode].1);
+    Ok(symbol(last.name()).into())
 }
 
 // ---------------------------------------------------------------------------------------------

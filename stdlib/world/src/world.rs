@@ -23,10 +23,13 @@ use crate::motions::hand::Target;
 use crate::motions::tool::ToolWay;
 use crate::motions::{self, Costs, Draws, Event, Outcome, Part, Surroundings, Trouble};
 use crate::nav::{Flood, Map, Place};
+use crate::record::{Done, End, Recording, Step};
 use crate::scene::{ContainerId, ObjectId, Scene};
 use crate::setting::{Machine, Setting};
 use crate::state::{Around, State, Support};
 
+/// The random numbers of a simulation are others than those of its motion.
+const OF_SIMULATION: u64 = 0x5157_7e5a_0c1d_33b9;
 /// Worlds in worlds that can be gone back to.
 pub const MOST_KEPT: usize = 64;
 
@@ -53,6 +56,34 @@ pub enum Motion {
     Detecting(Wanted),
 }
 
+/// How motions are done.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Mode {
+    /// As they should go: things hold where they are held, and come to rest where they are let go.
+    #[default]
+    Projected,
+    /// As they go when things have mass and friction.
+    Simulated,
+}
+
+impl Mode {
+    /// All modes by their names.
+    pub const ALL: [(&'static str, Mode); 2] =
+        [("projected", Mode::Projected), ("simulated", Mode::Simulated)];
+
+    /// What plans call it.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        Mode::ALL.iter().find(|(_, mode)| *mode == self).map_or("", |(name, _)| name)
+    }
+
+    /// The mode with a name.
+    #[must_use]
+    pub fn named(name: &str) -> Option<Mode> {
+        Mode::ALL.iter().find(|(other, _)| *other == name).map(|(_, mode)| *mode)
+    }
+}
+
 /// What is looked for.
 #[derive(Debug, Clone)]
 pub enum Wanted {
@@ -66,9 +97,13 @@ pub enum Wanted {
 
 /// A motion that goes on.
 struct Running {
+    /// What was wanted, if that is recorded.
+    motion: Option<Motion>,
     outcome: Outcome,
     began_ns: u64,
     version: u64,
+    mode: Mode,
+    seed: u64,
 }
 
 /// How a motion has ended.
@@ -93,14 +128,23 @@ pub struct World {
     pub belief: Belief,
     /// What its motions have cost.
     pub costs: Costs,
+    /// How motions that begin now are done.
+    pub mode: Mode,
+    /// The task clock when somebody last asked this world for something.
+    pub now_ns: u64,
+    /// What has happened, if anybody wants to know.
+    pub recording: Option<Recording>,
     maps: Maps,
     flood: LastFlood,
     running: BTreeMap<u64, Running>,
     ended: BTreeMap<u64, Ended>,
-    kept: Vec<(State, Belief, Costs)>,
+    kept: Vec<Kept>,
     last_version: u64,
     last_motion: u64,
 }
+
+/// What comes back with a world.
+type Kept = (State, Belief, Costs, Option<Recording>);
 
 impl Default for World {
     fn default() -> World {
@@ -109,11 +153,12 @@ impl Default for World {
 }
 
 impl vm::world::World for World {
-    /// Motions of the run that forks belong to its tasks and do not go on in the fork.
+    /// Motions of the run that forks belong to its tasks and do not go on in the fork; nothing of a rehearsal is
+    /// recorded.
     fn fork(&self) -> Box<dyn vm::world::World> {
         let mut fork = World::new(self.state.clone());
         (fork.belief, fork.costs, fork.last_version) = (self.belief.clone(), self.costs, self.last_version);
-        (fork.maps, fork.flood) = (self.maps.clone(), Rc::clone(&self.flood));
+        (fork.maps, fork.flood, fork.mode) = (self.maps.clone(), Rc::clone(&self.flood), self.mode);
         Box::new(fork)
     }
 
@@ -134,6 +179,9 @@ impl World {
             state,
             belief: Belief::default(),
             costs: Costs::default(),
+            mode: Mode::default(),
+            now_ns: 0,
+            recording: None,
             maps: Maps::default(),
             flood: LastFlood::default(),
             running: BTreeMap::new(),
@@ -170,6 +218,12 @@ impl World {
         &self.maps
     }
 
+    /// An empty world.
+    #[must_use]
+    pub fn empty(mode: Mode, recorded: bool) -> World {
+        World { mode, recording: recorded.then(Recording::default), ..World::default() }
+    }
+
     /// Another scene, everything where it is at first; the robot stays, at its start.
     pub fn use_scene(&mut self, scene: Scene) {
         let machine = self.state.setting.machine.clone();
@@ -187,11 +241,19 @@ impl World {
         self.state = state;
         (self.belief, self.costs) = (Belief::default(), Costs::default());
         self.running.clear();
-        self.changed();
+        self.renumber();
+        if let Some(recording) = &mut self.recording {
+            recording.begin(self.now_ns, &self.state);
+        }
     }
 
-    /// Gives the state a number of its own.
+    /// Gives the state a number of its own after a change that no motion has made.
     pub fn changed(&mut self) {
+        self.renumber();
+        self.record(None);
+    }
+
+    fn renumber(&mut self) {
         self.last_version += 1;
         self.state.version = self.last_version;
     }
@@ -218,6 +280,12 @@ impl World {
         Ok((map, flood))
     }
 
+    fn record(&mut self, done: Option<Done>) {
+        if let Some(recording) = &mut self.recording {
+            recording.add(Step { at_ns: self.now_ns, after: self.state.clone(), done: done.map(Arc::new) });
+        }
+    }
+
     // ------------------------------------------------------------------ to try and go back
 
     /// Keeps the world as it is; how many are kept then.
@@ -229,15 +297,15 @@ impl World {
             let message = format!("worlds are nested deeper than {MOST_KEPT}");
             return Err(Trouble::new("world-failure", message));
         }
-        self.kept.push((self.state.clone(), self.belief.clone(), self.costs));
+        self.kept.push((self.state.clone(), self.belief.clone(), self.costs, self.recording.clone()));
         Ok(self.kept.len())
     }
 
     /// Goes back to the world that was kept as number `kept`. Motions of others that go on will be played into it.
     pub fn go_back(&mut self, kept: usize) {
         self.kept.truncate(kept);
-        if let Some((state, belief, costs)) = self.kept.pop() {
-            (self.state, self.belief, self.costs) = (state, belief, costs);
+        if let Some(kept) = self.kept.pop() {
+            (self.state, self.belief, self.costs, self.recording) = kept;
         }
     }
 
@@ -254,8 +322,10 @@ impl World {
         }
         self.last_motion += 1;
         let duration_s = outcome.duration_s;
-        self.running
-            .insert(self.last_motion, Running { outcome, began_ns: now_ns, version: self.state.version });
+        let motion = self.recording.is_some().then(|| motion.clone());
+        let running =
+            Running { motion, outcome, began_ns: now_ns, version: self.state.version, mode: self.mode, seed };
+        self.running.insert(self.last_motion, running);
         (self.last_motion, duration_s)
     }
 
@@ -306,31 +376,58 @@ impl World {
 
     /// Ends a motion at this time of the task clock: before its duration is over it was stopped.
     pub fn end(&mut self, number: u64, now_ns: u64) {
-        let Some(Running { outcome, began_ns, version }) = self.running.remove(&number) else { return };
+        let Some(running) = self.running.remove(&number) else { return };
+        let Running { motion, mut outcome, began_ns, version, mode, seed } = running;
+        self.now_ns = now_ns;
         let passed_s = now_ns.saturating_sub(began_ns) as f64 / 1e9;
         // The clock has nanoseconds.
         let over = passed_s + 1e-9 >= outcome.duration_s;
         let share = if over { 1.0 } else { passed_s / outcome.duration_s };
         let before = self.state.clone();
-        outcome.track.play(&mut self.state, if over { f64::INFINITY } else { passed_s });
-        self.costs += Costs {
+        let lasted_s = if over { f64::INFINITY } else { passed_s };
+        outcome.track.play(&mut self.state, lasted_s);
+        if mode == Mode::Simulated && !outcome.track.keys.is_empty() {
+            self.simulate(&before, &mut outcome, lasted_s, seed);
+        }
+        let costs = Costs {
             path_m: outcome.costs.path_m * share,
             straight_m: outcome.costs.straight_m * share,
             hand_m: outcome.costs.hand_m * share,
             ..outcome.costs
         };
-        self.changed();
-        if !over {
-            self.ended.insert(number, Ended::Stopped);
-            return;
-        }
-        self.learn(&outcome, &before, now_ns);
-        let met = if before.version == version { None } else { self.meets(&outcome) };
-        let ended = match outcome.trouble.or(met) {
-            Some(trouble) => Ended::Failed(trouble),
-            None => Ended::Done(outcome.seen),
+        self.costs += costs;
+        self.renumber();
+        let ended = match over {
+            false => Ended::Stopped,
+            true => {
+                self.learn(&outcome, &before, now_ns);
+                let met = if before.version == version { None } else { self.meets(&outcome) };
+                outcome.trouble.or(met).map_or(Ended::Done(outcome.seen), Ended::Failed)
+            }
         };
+        if let Some(motion) = motion {
+            let end = match &ended {
+                Ended::Stopped => End::Stopped,
+                Ended::Done(seen) => End::Succeeded(seen.iter().map(|(object, _)| *object).collect()),
+                Ended::Failed(trouble) => End::Failed(trouble.clone()),
+            };
+            self.record(Some(Done { motion, began_ns, track: outcome.track, costs, end }));
+        }
         self.ended.insert(number, ended);
+    }
+
+    /// What physics makes of a motion that has been played into the state.
+    fn simulate(&mut self, before: &State, outcome: &mut Outcome, lasted_s: f64, seed: u64) {
+        let mut draws = Draws::new(seed ^ OF_SIMULATION);
+        let simulated = motions::simulate(before, &self.state, outcome, lasted_s, &mut draws);
+        self.state.set_joints(&simulated.joints);
+        simulated.events.iter().for_each(|event| event.play(&mut self.state));
+        // Where projection has let things fall, they have fallen here.
+        let falls = outcome.track.events.iter().any(|(_, event)| matches!(event, Event::Put(..)));
+        outcome.trouble = match falls {
+            true => simulated.trouble,
+            false => outcome.trouble.take().or(simulated.trouble),
+        };
     }
 
     /// How a motion has ended, once.

@@ -373,6 +373,11 @@ impl Machine {
         &mut self.runs[0]
     }
 
+    /// The world of the outermost run, to be prepared before it begins and looked at afterwards.
+    pub fn world(&mut self) -> &mut WorldSlot {
+        &mut self.runs[0].world
+    }
+
     /// Goes on until the call that was started ends, or until `stop` units of fuel are used.
     pub fn go(&mut self, host: &mut dyn Host, stop: Option<u64>) -> Progress {
         self.broke = None;

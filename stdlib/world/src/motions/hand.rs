@@ -154,7 +154,7 @@ fn grip_object(
 
 /// The grasp that fits best to where the tools are, and how far they are from it. A turn counts as
 /// much as the way of a fingertip.
-fn nearest_grasp<'a>(
+pub(super) fn nearest_grasp<'a>(
     grasps: &'a [Grasp],
     object: &Isometry3<f64>,
     tools: &[Isometry3<f64>],

@@ -3,13 +3,16 @@
 use nalgebra::{Isometry3, Point3, Vector3};
 
 use crate::robot::model::VariableId;
-use crate::robot::path::joint_path;
+use crate::robot::path::{Detour, joint_detour, joint_path};
+use crate::setting::Machine;
 use crate::state::{Around, Grip, State};
 
 use super::{Costs, Key, Outcome, Part, Surroundings, Track, Trouble, joint_time_s, machine};
 
 /// Joints move by at most so much between two looks, radians or metres.
 const LOOK: f64 = 0.05;
+/// The same on ways around something.
+const DETOUR_LOOK: f64 = 0.05;
 
 /// The torso to a height: `position` of its joint, metres.
 #[must_use]
@@ -73,20 +76,48 @@ fn arm_joints(state: &State, arms: &[(usize, Vec<f64>)]) -> Result<Outcome, Trou
     Ok(Outcome { track, costs, ..Outcome::default() })
 }
 
-/// A straight line of joints, and how many leaps it takes: the end must be free, the way if it is `strict`.
+/// A line of joints, straight or around something, and how many leaps it takes: the end must be free, the straight way if it is
+/// `strict`.
 fn line(state: &State, to: &[f64], when: &str, strict: bool) -> Result<(Track, usize), Trouble> {
     let machine = machine(state)?;
     let mut around = Surroundings::new(machine, state.obstacles(&Around::default()), state.carried());
     if let Some(touch) = around.touch(&state.base, to) {
         return Err(around.collision(&touch, "at the goal"));
     }
-    let way = joint_path(&state.joints, to, LOOK, |at| around.touch(&state.base, at));
-    let leaps = match way {
-        Ok(()) => 0,
+    let blocked = match joint_path(&state.joints, to, LOOK, |at| around.touch(&state.base, at)) {
+        Ok(()) => None,
         Err((_, touch)) if strict => return Err(around.collision(&touch, when)),
-        Err(_) => 1,
+        Err(_) => Some(detour(state, &mut around, to)),
     };
-    Ok((track_of(state, &[to.to_vec()], &[joint_time_s(machine, &state.joints, to)]), leaps))
+    let (way, leaps) = match blocked {
+        None => (vec![to.to_vec()], 0),
+        Some(Some(way)) => (way, 0),
+        Some(None) => (vec![to.to_vec()], 1),
+    };
+    Ok((track_of(state, &way, &times_s(machine, &state.joints, &way)), leaps))
+}
+
+/// A free way of the joints that differ, around what blocks the straight one.
+pub(super) fn detour(state: &State, around: &mut Surroundings<'_>, to: &[f64]) -> Option<Vec<Vec<f64>>> {
+    // The same way for the same ends, whatever is drawn elsewhere.
+    const SEED: u64 = 0x0de7_0012;
+    const QUESTIONS: usize = 1500;
+    let variables = around.machine.robot.variables();
+    let moving: Vec<_> = (0..to.len())
+        .filter(|index| to[*index] != state.joints[*index])
+        .map(|index| (index, variables[index].limits))
+        .collect();
+    let detour = Detour { moving: &moving, look: DETOUR_LOOK, questions: QUESTIONS, random: SEED };
+    if around.touch(&state.base, &state.joints).is_some() {
+        return None;
+    }
+    joint_detour(&state.joints, to, &detour, |at| around.touch(&state.base, at).is_some())
+}
+
+/// Seconds for each part of a way of joints.
+pub(super) fn times_s(machine: &Machine, from: &[f64], way: &[Vec<f64>]) -> Vec<f64> {
+    let starts = std::iter::once(from).chain(way.iter().map(Vec::as_slice));
+    starts.zip(way).map(|(from, to)| joint_time_s(machine, from, to)).collect()
 }
 
 /// The track through some configurations; only what moves is in it.

@@ -18,6 +18,7 @@ pub mod hand;
 pub mod joints;
 pub mod model;
 pub mod settle;
+mod simulate;
 pub mod tool;
 pub mod track;
 pub(crate) mod view;
@@ -33,6 +34,7 @@ use crate::setting::Machine;
 use crate::state::State;
 
 pub use model::{MODEL, Model};
+pub(crate) use simulate::simulate;
 pub use track::{Event, Key, Track};
 
 /// What a motion comes to.

@@ -47,11 +47,15 @@ pub struct Model {
     pub drive_rad: f64,
     /// Of friction, as a share of it.
     pub friction_share: f64,
+    /// Of the place at which joints of arms stop, radians; of simulated robots only.
+    pub joint_rad: f64,
     // ---- tolerances
     /// A hand holds what is this near to where a grasp has it.
     pub grasp_m: f64,
     /// The same for the turn.
     pub grasp_rad: f64,
+    /// What a simulated hand holds may turn so far in it before it is lost.
+    pub hold_rad: f64,
     /// What is put down may slide so far.
     pub slide_m: f64,
     /// It may fall so far.
@@ -83,8 +87,10 @@ pub const MODEL: Model = Model {
     drive_m: 0.003,
     drive_rad: 0.003,
     friction_share: 0.05,
+    joint_rad: 0.0005,
     grasp_m: 0.025,
     grasp_rad: 0.3,
+    hold_rad: 0.6,
     slide_m: 0.03,
     fall_m: 0.05,
     tilt_rad: 0.2,

@@ -119,8 +119,19 @@ fn simulate(state: &State, load: &[ObjectId], origin: &Vector3<f64>) -> Vec<Isom
         .collect()
 }
 
+/// Of rapier, for things of the size of a hand: by default contacts are those of things ten times as large, and one is used
+/// again until the two have moved by 5 cm, with the normal that it had.
+pub(super) fn parameters(step_s: f32) -> IntegrationParameters {
+    IntegrationParameters {
+        dt: step_s,
+        length_unit: 0.1,
+        contact_recycling: false,
+        ..IntegrationParameters::default()
+    }
+}
+
 fn run(bodies: &mut RigidBodySet, colliders: &mut ColliderSet, handles: &[RigidBodyHandle]) {
-    let parameters = IntegrationParameters { dt: STEP_S, ..IntegrationParameters::default() };
+    let parameters = parameters(STEP_S);
     let mut pipeline = PhysicsPipeline::new();
     let (mut islands, mut broad, mut narrow) =
         (IslandManager::new(), DefaultBroadPhase::new(), NarrowPhase::new());
@@ -155,7 +166,7 @@ fn run(bodies: &mut RigidBodySet, colliders: &mut ColliderSet, handles: &[RigidB
 }
 
 /// On what an object rests, and its pose there: exactly, if it stands.
-fn ground(state: &State, object: ObjectId, pose: &Isometry3<f64>) -> (Support, Isometry3<f64>) {
+pub(super) fn ground(state: &State, object: ObjectId, pose: &Isometry3<f64>) -> (Support, Isometry3<f64>) {
     let kind = state.setting.scene.kind_of(object);
     let up = pose.rotation * Vector3::z();
     let tilt = libm::atan2(libm::hypot(up.x, up.y), up.z);
@@ -187,7 +198,7 @@ fn ground(state: &State, object: ObjectId, pose: &Isometry3<f64>) -> (Support, I
 }
 
 /// What is wrong with where an object has come to rest.
-fn judge(
+pub(super) fn judge(
     state: &State,
     object: ObjectId,
     before: &Isometry3<f64>,

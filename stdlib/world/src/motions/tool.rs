@@ -1,21 +1,22 @@
 //! Tools along via poses: one arm, two arms at once, two arms on one thing.
 //!
 //! All arms of a motion go from via pose to via pose together. The first via poses are reached in a
-//! straight line of the tools, or by any branch of inverse kinematics (in a line of joints, or by a leap);
-//! all further ones in straight lines, each step solved, looked at as a whole robot with what it carries.
+//! straight line of the tools, or by any branch of inverse kinematics (in a line of joints, on a way of joints around what blocks it, or
+//! by a leap); all further ones in straight lines, each step solved, looked at as a whole robot with what it carries.
 //! Branches are tried until the rest of the way can be followed.
+//!
+//! What fingers may touch they touch on the way to the last via pose only: on those before they go around it, unless they begin at it.
 //!
 //! An arm that holds a thing together with one that moves follows it: the chain through the thing is
 //! closed, both arms are solved at each step, and there are neither branches nor leaps.
 
 use nalgebra::Isometry3;
 
-use crate::robot::collision::Touch;
 use crate::robot::path::{Resolution, between, joint_path};
 use crate::setting::Machine;
 use crate::state::{Around, Grip, State};
 
-use super::joints::track_of;
+use super::joints::{detour, track_of};
 use super::{Costs, Draws, MODEL, Outcome, Part, Surroundings, Trouble, joint_time_s, machine};
 
 /// The way of one tool.
@@ -31,7 +32,7 @@ pub struct ToolWay {
 const BRANCHES: usize = 10;
 const ATTEMPTS: usize = 24;
 /// A line of joints is looked at so often, radians.
-const LOOK: f64 = 0.1;
+const LOOK: f64 = 0.03;
 /// Steps of one way at most.
 const MAX_STEPS: f64 = 2000.0;
 
@@ -116,8 +117,18 @@ fn tcp(
             ));
         }
     }
-    let around = Surroundings::new(machine, state.obstacles(around), state.carried());
-    let mut search = Search { state, machine, ways, around, random: draws.seed() };
+    let near = Surroundings::new(machine, state.obstacles(around), state.carried());
+    let most = ways.iter().map(|way| way.vias.len()).max().unwrap_or(0);
+    let may_touch = !(around.touchable.is_empty() && around.handles.is_empty());
+    let mut far = (may_touch && most > 1).then(|| {
+        let around = Around { touchable: Vec::new(), handles: Vec::new(), ..around.clone() };
+        Surroundings::new(machine, state.obstacles(&around), state.carried())
+    });
+    // Who begins at a thing must get away from it first.
+    if far.as_mut().is_some_and(|far| far.touch(&state.base, &state.joints).is_some()) {
+        far = None;
+    }
+    let mut search = Search { state, machine, ways, near, far, most, random: draws.seed() };
     let (configurations, leaps) = search.run(closed)?;
     let (mut times, mut hand_m, mut from) = (Vec::new(), 0.0, state.joints.to_vec());
     for to in &configurations {
@@ -139,11 +150,26 @@ struct Search<'a> {
     state: &'a State,
     machine: &'a Machine,
     ways: &'a [ToolWay],
-    around: Surroundings<'a>,
+    /// What stands around on the way to the last via pose, and on those before.
+    near: Surroundings<'a>,
+    far: Option<Surroundings<'a>>,
+    /// How many via poses there are.
+    most: usize,
     random: u64,
 }
 
-impl Search<'_> {
+/// Branches to which a way around something is looked for.
+const DETOURS: usize = 3;
+
+impl<'a> Search<'a> {
+    /// What stands around on the way to a via pose.
+    fn around(&mut self, via: usize) -> &mut Surroundings<'a> {
+        match &mut self.far {
+            Some(far) if via + 1 < self.most => far,
+            _ => &mut self.near,
+        }
+    }
+
     fn run(&mut self, closed: bool) -> Result<(Vec<Vec<f64>>, usize), Trouble> {
         let start = self.state.joints.to_vec();
         let straight = self.follow(&start, 0);
@@ -152,11 +178,12 @@ impl Search<'_> {
             Err(why) if closed => return Err(why),
             Err(_) => None,
         };
-        let mut leap: Option<Vec<Vec<f64>>> = None;
+        let mut blocked: Vec<Vec<Vec<f64>>> = Vec::new();
+        let base = self.state.base;
         for first in self.branches()? {
-            let base = self.state.base;
-            if let Some(touch) = self.around.touch(&base, &first) {
-                why.get_or_insert_with(|| self.around.collision(&touch, "at the first via pose"));
+            let around = self.around(0);
+            if let Some(touch) = around.touch(&base, &first) {
+                why.get_or_insert_with(|| around.collision(&touch, "at the first via pose"));
                 continue;
             }
             match self.follow(&first, 1) {
@@ -164,15 +191,21 @@ impl Search<'_> {
                 Ok(rest) => {
                     let mut configurations = vec![first.clone()];
                     configurations.extend(rest);
-                    let around = &mut self.around;
+                    let around = self.around(0);
                     if joint_path(&start, &first, LOOK, |at| around.touch(&base, at)).is_ok() {
                         return Ok((configurations, 0));
                     }
-                    leap.get_or_insert(configurations);
+                    blocked.push(configurations);
                 }
             }
         }
-        match leap {
+        for configurations in blocked.iter().take(DETOURS) {
+            if let Some(mut way) = detour(self.state, self.around(0), &configurations[0]) {
+                way.extend(configurations.iter().skip(1).cloned());
+                return Ok((way, 0));
+            }
+        }
+        match blocked.into_iter().next() {
             Some(configurations) => Ok((configurations, 1)),
             None => Err(why.unwrap_or_else(|| Trouble::new("arm-goal-unreachable", "no arm moves"))),
         }
@@ -212,7 +245,7 @@ impl Search<'_> {
     /// Configurations from `start` in straight lines of the tools through the via poses from number `first` on.
     fn follow(&mut self, start: &[f64], first: usize) -> Result<Vec<Vec<f64>>, Trouble> {
         let resolution = Resolution::default();
-        let most = self.ways.iter().map(|way| way.vias.len()).max().unwrap_or(0);
+        let base = self.state.base;
         let mut configurations = Vec::new();
         let mut last = start.to_vec();
         let mut from: Vec<Isometry3<f64>> = self
@@ -223,7 +256,7 @@ impl Search<'_> {
                 chain.forward(&chain.pick(start))
             })
             .collect();
-        for via in first..most {
+        for via in first..self.most {
             let to: Vec<Isometry3<f64>> = self
                 .ways
                 .iter()
@@ -241,8 +274,10 @@ impl Search<'_> {
                     let pose = if step == steps { *to } else { between(from, to, share) };
                     self.solve(way.arm, &pose, via, share, resolution.jump, &mut next)?;
                 }
-                if let Some(touch) = self.around.touch(&self.state.base, &next) {
-                    return Err(self.on_the_way(&touch, via, share));
+                let around = self.around(via);
+                if let Some(touch) = around.touch(&base, &next) {
+                    let when = format!("{:.0} % of the way to via pose {via}", share * 100.0);
+                    return Err(around.collision(&touch, &when));
                 }
                 configurations.push(next.clone());
                 last = next;
@@ -280,10 +315,6 @@ impl Search<'_> {
         let base = self.machine.solvers[arm].chain().base();
         let in_root = self.machine.robot.link_in_root(base, &self.state.joints);
         (self.state.base * in_root).inverse() * pose
-    }
-
-    fn on_the_way(&self, touch: &Touch, via: usize, share: f64) -> Trouble {
-        self.around.collision(touch, &format!("{:.0} % of the way to via pose {via}", share * 100.0))
     }
 
     fn unreachable(&self, arm: usize, via: usize, share: f64, why: String) -> Trouble {

@@ -56,9 +56,30 @@ impl Track {
         self.keys.push(Key { at_s, ..key });
     }
 
+    /// The keys up to a time; if that lies between two, one for it.
+    #[must_use]
+    pub fn until(&self, at_s: f64) -> Vec<Key> {
+        let next = self.keys.iter().position(|key| key.at_s > at_s).unwrap_or(self.keys.len());
+        let mut keys = self.keys[..next].to_vec();
+        if let (Some(last), Some(to)) = (keys.last(), self.keys.get(next))
+            && last.at_s < at_s
+        {
+            keys.push(last.mixed(to, (at_s - last.at_s) / (to.at_s - last.at_s).max(1e-12)));
+        }
+        keys
+    }
+
     /// What the motion has made of a state after so many seconds. A motion that has just begun has changed
     /// nothing.
     pub fn play(&self, state: &mut State, at_s: f64) {
+        self.play_keys(state, at_s);
+        for (_, event) in self.events.iter().filter(|(at, _)| *at <= at_s) {
+            event.play(state);
+        }
+    }
+
+    /// The same without events.
+    pub(super) fn play_keys(&self, state: &mut State, at_s: f64) {
         let next = self.keys.iter().position(|key| key.at_s > at_s);
         match next {
             Some(0) => {}
@@ -72,9 +93,6 @@ impl Track {
                     last.play(state);
                 }
             }
-        }
-        for (_, event) in self.events.iter().filter(|(at, _)| *at <= at_s) {
-            event.play(state);
         }
     }
 }
@@ -102,7 +120,7 @@ impl Key {
 }
 
 impl Event {
-    fn play(&self, state: &mut State) {
+    pub(crate) fn play(&self, state: &mut State) {
         match self {
             Event::Take(object, arms) => state.take(*object, arms),
             Event::Put(object, on, pose) => state.put(*object, *on, pose),

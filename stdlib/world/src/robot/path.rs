@@ -1,4 +1,4 @@
-//! Ways: straight lines of joints, and straight lines of a tool.
+//! Ways: straight lines of joints, straight lines of a tool, and ways of joints around what is in the way.
 //!
 //! A way is looked at in steps of a stated size. What lies between two steps is not seen, so the
 //! step should be smaller than the thinnest thing divided by the arm's length.
@@ -8,6 +8,7 @@ use thiserror::Error;
 
 use super::ik::{Solver, Unreachable};
 use super::model::turn;
+use crate::random::unit;
 
 /// How finely a tool's way is followed.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -162,4 +163,153 @@ pub fn tool_path(
 /// Steps of a line: at least one, and no more than memory can take; NaN gives one.
 fn count(steps: f64) -> usize {
     libm::ceil(steps).clamp(1.0, MAX_STEPS).max(1.0) as usize
+}
+
+// ---------------------------------------------------------------------------------------------
+// Around what is in the way
+
+/// What a search for a way of joints goes by.
+#[derive(Debug, Clone)]
+pub struct Detour<'a> {
+    /// The numbers of the configuration that may change, with their limits.
+    pub moving: &'a [(usize, Option<(f64, f64)>)],
+    /// No number moves by more than this from one question to the next.
+    pub look: f64,
+    /// So many configurations are asked about at most.
+    pub questions: usize,
+    /// Seed of the draws.
+    pub random: u64,
+}
+
+/// Branches of a tree grow by so much at once, radians.
+const GROW: f64 = 0.6;
+/// Tries to leave out corners.
+const SHORTCUTS: usize = 40;
+
+/// Corners of a free way from one configuration to another, the last one `to`; `None` if none was found among so many questions.
+///
+/// Two trees grow towards each other: RRT-Connect (Kuffner and LaValle, ICRA 2000), then corners are left out. Both ends must be
+/// free. The same arguments give the same way.
+#[must_use]
+pub fn joint_detour(
+    from: &[f64],
+    to: &[f64],
+    detour: &Detour<'_>,
+    mut blocked: impl FnMut(&[f64]) -> bool,
+) -> Option<Vec<Vec<f64>>> {
+    let mut search = Bushes { detour, asked: 0, drawn: 0, blocked: &mut blocked };
+    let mut trees = [vec![(from.to_vec(), 0)], vec![(to.to_vec(), 0)]];
+    let mut first = 0;
+    while search.asked < detour.questions {
+        let aim = search.anywhere(from);
+        let (grown, met) = {
+            let [a, b] = &mut trees;
+            let (here, there) = if first == 0 { (a, b) } else { (b, a) };
+            let grown = search.grow(here, &aim, false);
+            let goal = here[grown.unwrap_or(0)].0.clone();
+            let met = grown.and_then(|_| search.grow(there, &goal, true));
+            (grown, met.filter(|met| apart(&there[*met].0, &goal) < 1e-9))
+        };
+        if let (Some(grown), Some(met)) = (grown, met) {
+            let (at_start, at_goal) = if first == 0 { (grown, met) } else { (met, grown) };
+            let mut way = back_to_root(&trees[0], at_start);
+            way.reverse();
+            way.extend(back_to_root(&trees[1], at_goal).into_iter().skip(1));
+            return Some(search.shortened(way));
+        }
+        first = 1 - first;
+    }
+    None
+}
+
+/// A tree: configurations, each with the place of the one before.
+type Bush = Vec<(Vec<f64>, usize)>;
+
+struct Bushes<'a, 'd> {
+    detour: &'a Detour<'d>,
+    asked: usize,
+    drawn: u64,
+    blocked: &'a mut dyn FnMut(&[f64]) -> bool,
+}
+
+impl Bushes<'_, '_> {
+    fn unit(&mut self) -> f64 {
+        self.drawn += 1;
+        unit(self.detour.random, self.drawn)
+    }
+
+    fn anywhere(&mut self, from: &[f64]) -> Vec<f64> {
+        let mut aim = from.to_vec();
+        for (index, limits) in self.detour.moving {
+            let (low, high) =
+                limits.unwrap_or((from[*index] - std::f64::consts::PI, from[*index] + std::f64::consts::PI));
+            aim[*index] = low + (high - low) * self.unit();
+        }
+        aim
+    }
+
+    /// True if the straight line is free; its beginning is known to be.
+    fn is_free(&mut self, from: &[f64], to: &[f64]) -> bool {
+        let longest = from.iter().zip(to).map(|(from, to)| (to - from).abs()).fold(0.0, f64::max);
+        let steps = count(longest / self.detour.look);
+        (1..=steps).all(|step| {
+            self.asked += 1;
+            !(self.blocked)(&mixed(from, to, step as f64 / steps as f64))
+        })
+    }
+
+    /// The nearest branch grows towards a configuration, once or as far as it gets. The place of its new end.
+    fn grow(&mut self, tree: &mut Bush, to: &[f64], far: bool) -> Option<usize> {
+        let distances = tree.iter().map(|(at, _)| apart(at, to)).enumerate();
+        let (mut last, _) = distances.min_by(|a, b| a.1.total_cmp(&b.1))?;
+        let mut grown = None;
+        loop {
+            let at = tree[last].0.clone();
+            let way = apart(&at, to);
+            let next = if way <= GROW { to.to_vec() } else { mixed(&at, to, GROW / way) };
+            if way < 1e-12 || self.asked >= self.detour.questions || !self.is_free(&at, &next) {
+                return grown;
+            }
+            tree.push((next, last));
+            last = tree.len() - 1;
+            grown = Some(last);
+            if !far || way <= GROW {
+                return grown;
+            }
+        }
+    }
+
+    /// Leaves out corners as long as the line past them is free.
+    fn shortened(&mut self, mut way: Vec<Vec<f64>>) -> Vec<Vec<f64>> {
+        for _ in 0..SHORTCUTS {
+            if way.len() < 3 {
+                break;
+            }
+            let first = (self.unit() * (way.len() - 2) as f64) as usize;
+            let rest = way.len() - first - 2;
+            let last = first + 2 + ((self.unit() * rest as f64) as usize).min(rest - 1);
+            if self.is_free(&way[first].clone(), &way[last].clone()) {
+                way.drain(first + 1..last);
+            }
+        }
+        way.remove(0);
+        way
+    }
+}
+
+fn apart(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum::<f64>().sqrt()
+}
+
+fn mixed(from: &[f64], to: &[f64], share: f64) -> Vec<f64> {
+    from.iter().zip(to).map(|(from, to)| from + (to - from) * share).collect()
+}
+
+fn back_to_root(tree: &Bush, mut at: usize) -> Vec<Vec<f64>> {
+    let mut way = vec![tree[at].0.clone()];
+    while at != 0 {
+        at = tree[at].1;
+        way.push(tree[at].0.clone());
+    }
+    way
 }

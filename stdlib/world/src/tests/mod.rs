@@ -9,6 +9,7 @@ mod nav;
 mod path;
 mod search;
 mod sight;
+mod simulate;
 mod text;
 mod urdf;
 

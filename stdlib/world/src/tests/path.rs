@@ -4,7 +4,7 @@ use nalgebra::{Isometry3, Vector3};
 
 use super::{apart, assert_same_pose, one_arm, pr2};
 use crate::robot::ik::Solver;
-use crate::robot::path::{NoToolPath, Resolution, between, joint_path, tool_path};
+use crate::robot::path::{Detour, NoToolPath, Resolution, between, joint_detour, joint_path, tool_path};
 
 #[test]
 fn joints_go_in_steps_of_the_stated_size() {
@@ -78,4 +78,44 @@ fn a_tool_that_cannot_get_there_says_how_far_it_came() {
     let nowhere = Isometry3::translation(f64::NAN, 0.0, 0.0);
     assert!(tool_path(&solver, &start, &[nowhere], Resolution::default(), 0).is_err());
     assert_eq!(tool_path(&solver, &[], &[], Resolution::default(), 0), Ok(Default::default()));
+}
+
+// ---------------------------------------------------------------------------------------------
+// Around what is in the way
+
+const LIMITS: [(usize, Option<(f64, f64)>); 2] = [(0, Some((-1.0, 1.0))), (1, Some((-1.0, 1.0)))];
+
+fn around(wall: f64, random: u64) -> (Option<Vec<Vec<f64>>>, usize) {
+    let detour = Detour { moving: &LIMITS, look: 0.02, questions: 4000, random };
+    let mut asked = 0;
+    // A wall across the middle, up to this height.
+    let way = joint_detour(&[-0.8, 0.0, 7.0], &[0.8, 0.0, 7.0], &detour, |at| {
+        asked += 1;
+        at[0].abs() < 0.1 && at[1] < wall
+    });
+    (way, asked)
+}
+
+#[test]
+fn joints_go_around_what_is_in_the_way() {
+    for random in 0..20 {
+        let (way, asked) = around(0.7, random);
+        let way = way.expect("there is a gap above the wall");
+        assert_eq!(way.last().map(Vec::as_slice), Some(&[0.8, 0.0, 7.0][..]));
+        assert!(way.len() < 8 && asked < 4000, "{} corners after {asked} questions", way.len());
+        let starts = std::iter::once(vec![-0.8, 0.0, 7.0]).chain(way.iter().cloned());
+        for (from, to) in starts.zip(&way) {
+            let blocked = |at: &[f64]| (at[0].abs() < 0.1 && at[1] < 0.7).then_some(());
+            assert_eq!(joint_path(&from, to, 0.02, blocked), Ok(()));
+            assert_eq!(to[2], 7.0, "what may not move stays");
+        }
+        assert_eq!(around(0.7, random).0.as_ref(), Some(&way), "the same draws give the same way");
+    }
+}
+
+#[test]
+fn a_search_for_a_way_of_joints_ends() {
+    let (way, asked) = around(2.0, 1);
+    assert_eq!(way, None);
+    assert!(asked <= 4000 + 100, "{asked}");
 }
