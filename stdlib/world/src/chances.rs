@@ -14,7 +14,7 @@ use crate::natives::{
     container, finite, map, motion, object, point, pose, pose_value, poses, raise, surface, symbol, world,
 };
 use crate::places::{self, Distance};
-use crate::rehearse::{moved, rehearse, seen};
+use crate::rehearse::{moved, rehearse, seen, sees};
 use crate::state::{State, Support};
 use crate::world::Motion;
 
@@ -25,6 +25,7 @@ natives! {
     "torso-range" [0] in ctx Look => |ctx: &mut Ctx<'_>, _args| torso_range(ctx);
     "drawer?" [1] in ctx Look => |ctx: &mut Ctx<'_>, args| { let it = world(ctx)?; let id = container(&it.state, &args[0])?; Ok(Value::bool(!it.state.setting.container(id).joint.turns()).into()) };
     "surface-size" [1] in ctx Look => surface_size;
+    "visible-from?" [2] in ctx Look => visible_from;
     "points-seen" [2] in ctx Look => points_seen;
 }
 
@@ -163,4 +164,16 @@ fn torso_range(ctx: &mut Ctx<'_>) -> Result<Next, Raise> {
     let at = state.joints.get(torso.index()).copied().unwrap_or_default();
     let (low, high) = machine.robot.variables()[torso.index()].limits.unwrap_or((at, at));
     Ok(Value::list([low, high, at].map(Value::float)).into())
+}
+
+/// `(visible-from? object base)`
+fn visible_from(ctx: &mut Ctx<'_>, args: &[Value]) -> Result<Next, Raise> {
+    let base = pose(&args[1])?;
+    let it = world(ctx)?;
+    let object = object(&it.state, &args[0])?;
+    if !it.belief.seen.contains_key(&object) {
+        return Ok(Value::bool(false).into());
+    }
+    let found = sees(&moved(&it.believed().parked(), &base), object);
+    found.map(|sees| Value::bool(sees).into()).map_err(|trouble| raise(ctx, &trouble))
 }

@@ -7,8 +7,9 @@ use nalgebra::{Isometry3, Point3, Vector3};
 
 use crate::motions::base::{Maps, blocker_name};
 use crate::motions::view::View;
-use crate::motions::{Trouble, machine};
+use crate::motions::{MODEL, Trouble, machine};
 use crate::nav::Place;
+use crate::scene::ObjectId;
 use crate::shape::{PosedShape, Shape};
 use crate::state::State;
 use crate::world::{Ended, Motion, World};
@@ -106,24 +107,37 @@ const SPOT_M: f64 = 0.01;
 /// # Errors
 /// There is no robot, or it has no camera.
 pub fn seen(state: &State, points: &[Vector3<f64>]) -> Result<usize, Trouble> {
-    let machine = machine(state)?;
-    let Some(head) = &machine.limbs.head else {
-        return Err(Trouble::new("object-not-found", "this robot has no camera"));
-    };
     let middle = points.iter().sum::<Vector3<f64>>() / points.len().max(1) as f64;
-    let look = machine.robot.look_at(head, &state.base, &state.joints, &Point3::from(middle));
-    let look = look.unwrap_or_else(|far| far.best);
-    let mut turned = state.clone();
-    turned.set_joints(&[(head.pan, look.pan), (head.tilt, look.tilt)]);
-    let camera = turned.links().get(head.camera.index()).copied().unwrap_or_default();
+    let (turned, camera) = looking_at(state, &middle)?;
     let view = View::new(&turned);
-    let spot = [PosedShape {
-        pose: Isometry3::identity(),
-        shape: Shape::Box { size: Vector3::repeat(2.0 * SPOT_M) },
-    }];
+    let spot =
+        [PosedShape { pose: Isometry3::identity(), shape: Shape::Box { size: Vector3::repeat(2.0 * SPOT_M) } }];
     let is_seen = |point: &&Vector3<f64>| {
         let pose = Isometry3::translation(point.x, point.y, point.z + SPOT_M);
         view.sight_of(&pose, &spot, &camera).visible > 0.5
     };
     Ok(points.iter().filter(is_seen).count())
+}
+
+/// Whether the camera would see enough of an object when the head looks at it.
+///
+/// # Errors
+/// There is no robot, or it has no camera.
+pub fn sees(state: &State, object: ObjectId) -> Result<bool, Trouble> {
+    let (turned, camera) = looking_at(state, &state.object_pose(object).translation.vector)?;
+    Ok(View::new(&turned).sight(object, &camera).visible >= MODEL.visible_share)
+}
+
+/// The state with the head turned to a point as far as it goes, and the frame of its camera then.
+fn looking_at(state: &State, point: &Vector3<f64>) -> Result<(State, Isometry3<f64>), Trouble> {
+    let machine = machine(state)?;
+    let Some(head) = &machine.limbs.head else {
+        return Err(Trouble::new("object-not-found", "this robot has no camera"));
+    };
+    let look = machine.robot.look_at(head, &state.base, &state.joints, &Point3::from(*point));
+    let look = look.unwrap_or_else(|far| far.best);
+    let mut turned = state.clone();
+    turned.set_joints(&[(head.pan, look.pan), (head.tilt, look.tilt)]);
+    let camera = turned.links().get(head.camera.index()).copied().unwrap_or_default();
+    Ok((turned, camera))
 }

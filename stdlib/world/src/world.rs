@@ -203,7 +203,9 @@ impl World {
             }
             match self.belief.seen.get(object) {
                 Some(sight) => {
-                    let pose = self.state.support_pose(place.on).inverse() * sight.pose;
+                    let mut pose = self.state.support_pose(place.on).inverse() * sight.pose;
+                    // What stands somewhere stands on it, however wrong its height looks.
+                    pose.translation.z = place.pose.translation.z;
                     state.objects.insert(*object, crate::state::Place { on: place.on, pose });
                 }
                 None => drop(state.objects.remove(object)),
