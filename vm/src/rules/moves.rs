@@ -2,8 +2,8 @@
 //!
 //! The lowering gives each variable a register of its own, and moves it to where a goal wants it. What makes
 //! the value can often put it there at once. That is done where the code runs straight on, and where nobody sees it:
-//! the variable is used there only, and its new register for nothing else in between. Where the clause calls,
-//! it may go on again after each call; then the new register must be written nowhere else.
+//! the variable is used there only, its new register for nothing else in between, and nothing is called in between.
+//! Where the clause calls, it may go on again after each call; then the new register must be written nowhere else.
 
 use super::Rules;
 use super::clause::PredId;
@@ -61,9 +61,11 @@ fn maker(rules: &Rules, entry: Pc, at: usize, d: u8, s: u8, arity: usize) -> Opt
         return None;
     }
     let made = entry.at() + code.iter().position(|op| count(op, s).1 == 1)?;
-    let is_free = rules.code[made + 1..at].iter().all(|op| count(op, d) == (0, 0));
     let op = rules.code[made].writing(s, d)?;
-    (made < at && is_free && count(&rules.code[made], d).1 == 0).then_some((made, op))
+    // A choice of a native goal keeps the registers of variables only, so nothing else outlives a call.
+    let between = rules.code.get(made + 1..at)?;
+    let is_free = between.iter().all(|op| count(op, d) == (0, 0) && !calls(op));
+    (is_free && count(&rules.code[made], d).1 == 0).then_some((made, op))
 }
 
 impl RuleOp {
