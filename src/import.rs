@@ -174,25 +174,26 @@ impl<'a> Node<'a> {
         let last = self.attempt()?;
         let failed = last.status == Status::Failed.word();
         let edits = self.each("edits", |it| it.edit())?;
-        let mut task = Task::default();
-        task.name = Symbol::from(self.text("name")?);
-        task.kind = kind.word();
-        task.status = overlay(self.status()?, &edits).word();
-        task.params = properties(kind, self.params("params")?);
-        task.written = match self.get("written-params") {
-            Some(_) => Some(properties(kind, self.params("written-params")?)),
-            None => None,
-        };
-        task.grounded = self.get("grounded").map(|_| self.value("grounded")).transpose()?;
-        (task.start, task.end) = (last.start, last.end);
-        match failed {
-            true => task.failure = Some(last.value.clone()),
-            false => task.value = last.value.clone(),
-        }
         let attempts = self.each("attempts", |it| it.attempt())?;
-        task.attempts = if attempts.is_empty() { vec![last] } else { attempts };
-        task.edits = edits;
-        Ok(task)
+        Ok(Task {
+            // Who reads the list knows it.
+            parent: 0,
+            name: Symbol::from(self.text("name")?),
+            kind: kind.word(),
+            status: overlay(self.status()?, &edits).word(),
+            params: properties(kind, self.params("params")?),
+            written: match self.get("written-params") {
+                Some(_) => Some(properties(kind, self.params("written-params")?)),
+                None => None,
+            },
+            grounded: self.get("grounded").map(|_| self.value("grounded")).transpose()?,
+            value: if failed { Value::NIL } else { last.value.clone() },
+            failure: failed.then(|| last.value.clone()),
+            start: last.start,
+            end: last.end,
+            attempts: if attempts.is_empty() { vec![last] } else { attempts },
+            edits,
+        })
     }
 
     /// What is said of a run of a task: of the last one in the task itself.

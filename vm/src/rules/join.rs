@@ -300,7 +300,17 @@ impl Order {
         }
         let given = fixed.iter().fold(given, |given, it| given | bit(it.0));
         let planner = Planner { join, view, columns: &columns, fixed: &fixed, as_written, keeps_first: true };
-        let goals: Vec<(usize, &Cond)> = join.goals.iter().map(|goal| &goal.0).enumerate().collect();
+        // What holds holds once more.
+        let mut seen = Vec::new();
+        let goals = join.goals.iter().map(|goal| &goal.0).enumerate().filter(|(_, cond)| match cond {
+            Cond::Rel(rel) if seen.contains(rel) => false,
+            Cond::Rel(rel) => {
+                seen.push(*rel);
+                true
+            }
+            _ => true,
+        });
+        let goals: Vec<(usize, &Cond)> = goals.collect();
         let mut steps = planner.steps(&goals, given);
         let mut back = 0;
         for (at, step) in steps.iter_mut().enumerate() {

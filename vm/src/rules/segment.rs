@@ -290,6 +290,11 @@ impl<'a> Row<'a> {
                 if sort == Sort::Task && !is_task {
                     return None;
                 }
+                let known =
+                    self.fixed.iter().find(|it| it.1 == value && self.sorts[usize::from(it.0)] == sort);
+                if let Some((var, _)) = known {
+                    return Some(*var);
+                }
                 let var = self.fresh()?;
                 self.sorts[usize::from(var)] = sort;
                 self.fixed.push((var, value));
