@@ -39,6 +39,8 @@ natives! {
     "%keep-world" [0] in ctx World => keep;
     "%go-back" [1] in ctx World => go_back;
     "%robot-mode" [1] in ctx World => robot_mode;
+    "record-world" [0] in ctx World => |ctx: &mut Ctx<'_>, _args| { world(ctx)?.record_from_now(); Ok(Value::NIL.into()) };
+    "%world-at" [1] in ctx World => world_at;
 
     "put-object" [2 5] in ctx World => put_object;
     "robot-arms" [0] in ctx Look => |ctx: &mut Ctx<'_>, _args| robot_arms(ctx);
@@ -429,6 +431,14 @@ pub(crate) fn raise(ctx: &Ctx<'_>, trouble: &Trouble) -> Raise {
 fn keep(ctx: &mut Ctx<'_>, _args: &[Value]) -> Result<Next, Raise> {
     match world(ctx)?.keep() {
         Ok(kept) => Ok(Value::int(kept as i64).into()),
+        Err(trouble) => Err(raise(ctx, &trouble)),
+    }
+}
+
+fn world_at(ctx: &mut Ctx<'_>, args: &[Value]) -> Result<Next, Raise> {
+    let seconds = finite(&args[0])?;
+    match world(ctx)?.as_at((seconds.max(0.0) * 1e9).round() as u64) {
+        Ok(()) => Ok(Value::NIL.into()),
         Err(trouble) => Err(raise(ctx, &trouble)),
     }
 }

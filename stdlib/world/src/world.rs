@@ -311,6 +311,30 @@ impl World {
         }
     }
 
+    /// Keeps how it is at each time from now on, unless it does so already.
+    pub fn record_from_now(&mut self) {
+        if self.recording.is_none() {
+            let mut recording = Recording::default();
+            recording.begin(self.now_ns, &self.state);
+            self.recording = Some(recording);
+        }
+    }
+
+    /// Becomes as it was at a time of the task clock.
+    ///
+    /// # Errors
+    /// It has not been kept.
+    pub fn as_at(&mut self, at_ns: u64) -> Result<(), Trouble> {
+        let kept = self.recording.as_ref().and_then(|recording| recording.state_at(at_ns));
+        let Some(state) = kept else {
+            let message = "how the world was then was not kept; begin with (record-world)";
+            return Err(Trouble::new("world-failure", message));
+        };
+        self.state = state.clone();
+        self.renumber();
+        Ok(())
+    }
+
     // ------------------------------------------------------------------ motions
 
     /// Begins a motion: its number, and how long it takes, seconds.

@@ -96,6 +96,14 @@ impl Recording {
         }
     }
 
+    /// How everything was at a time, at the last end of a motion until then; nothing is known of what was before.
+    #[must_use]
+    pub fn state_at(&self, at_ns: u64) -> Option<&State> {
+        let episode = self.episodes.iter().rev().find(|episode| episode.began_ns <= at_ns)?;
+        let step = episode.steps.iter().rev().find(|step| step.at_ns <= at_ns);
+        Some(step.map_or(&episode.start, |step| &step.after))
+    }
+
     /// True if there was no world.
     #[must_use]
     pub fn is_empty(&self) -> bool {
