@@ -49,7 +49,10 @@ enum Wrong {
 #[test]
 fn examples_in_docstrings_give_what_they_say() {
     let mut session = Session::new(Options::default());
-    assert!(evaluate(&mut session, "(use world)").is_ok(), "it is a module of the library");
+    for module in ["world", "location", "action", "pick-place"] {
+        let used = evaluate(&mut session, &format!("(use {module})"));
+        assert!(used.is_ok(), "{module} is a module of the library");
+    }
     let docs: Vec<(String, String)> = session
         .front
         .modules

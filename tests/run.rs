@@ -81,6 +81,7 @@ areas! {
     replay "replay";
     rules "rules";
     world "world";
+    pick_place "pick-place";
 }
 
 #[test]
