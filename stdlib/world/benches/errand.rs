@@ -165,10 +165,10 @@ fn candidates(start: &State) {
     let mind = start.parked();
     let works = |place: &Place| rehearse(&moved(&mind, &place.pose()), (start, &maps), &motions, 0).is_ok();
     let one = bases.iter().copied().find(works).expect("the cup can be taken");
-    line("take the cup, in the mind", measure(1, || drop(std::hint::black_box(works(&one)))), "place");
+    line("take the cup, in the mind", measure(1, || _ = std::hint::black_box(works(&one))), "place");
     let all = || bases.iter().filter(|place| works(place)).count();
     let name = format!("the same from {} places, {} work", bases.len(), all());
-    line(&name, measure(1, || drop(std::hint::black_box(all()))), "list");
+    line(&name, measure(1, || _ = std::hint::black_box(all())), "list");
     let island = Support::Surface(scene.surface("island_area").expect("there is one"));
     let put = || drop(to_put((start, start), &maps, cup, island, None, 1, 40));
     line("places to put a cup on the island", measure(1, put), "list");
