@@ -13,13 +13,14 @@ use std::sync::Arc;
 use cpu_time::ProcessTime;
 use nalgebra::{Isometry3, Vector3};
 use vm::world::World as _;
+use world::motions::base::Maps;
 use world::motions::hand::{Target, releasing};
 use world::motions::tool::ToolWay;
 use world::nav::Place;
+use world::places::{Distance, to_put, to_stand};
+use world::rehearse::{moved, rehearse, seen};
 use world::scene::grasp::{back, lifted};
 use world::scene::{Hands, Scene, Side, upright};
-use world::search::place::{Item, Wishes, free_poses};
-use world::search::{reach, stand};
 use world::setting::Setting;
 use world::state::{Around, Grip, State, Support};
 use world::world::{Ended, Mode, Motion, World};
@@ -146,36 +147,34 @@ fn questions(start: &State) {
 
 /// What a plan may ask before anything moves.
 fn candidates(start: &State) {
-    let world = World::new(start.clone());
-    let (map, flood) = world.ground().unwrap_or_else(|why| panic!("{}", why.message));
+    let maps = Maps::default();
     let scene = &start.setting.scene;
     let cup = scene.object("cup-1").expect("there is a cup");
-    let kind = scene.kind_of(cup);
-    let front = kind.grasps.iter().find(|it| it.side == Side::Front).map(|it| it.hands);
+    let front = scene.kind_of(cup).grasps.iter().find(|it| it.side == Side::Front).map(|it| it.hands);
     let Some(Hands::One(in_object)) = front else { panic!("it has a grasp") };
     let tool = start.object_pose(cup) * in_object;
-    let ways = [ToolWay { arm: 0, vias: vec![back(&tool, 0.1), tool, lifted(&tool, 0.06)] }];
     let near = Around { touchable: vec![cup], ..Around::default() };
-    let nav = (&*map, &*flood);
-    let found = stand::to_reach(start, nav, &ways, &near, 1).unwrap_or_default();
-    line(
-        "places to reach a cup from",
-        measure(1, || drop(stand::to_reach(start, nav, &ways, &near, 1))),
-        "list",
-    );
-    let base = found.first().copied();
-    line(
-        "would the arm get there",
-        measure(1, || drop(reach::problem(start, base, &ways, &near, 1))),
-        "place",
-    );
-    let sink = start.surface_pose(scene.surface("sink_area").expect("there is one")).translation.vector;
-    line("places to see the sink from", measure(1, || drop(stand::to_see(start, nav, &sink, 1))), "list");
-    let fridge = scene.container("fridge").expect("there is one");
-    let open = || drop(stand::to_open(start, nav, (1, fridge, 1.6), 4, 1));
-    line("places to open the fridge from", measure(1, open), "list");
+    let motions = [
+        Motion::Releasing(vec![0]),
+        Motion::MovingTcp(vec![ToolWay { arm: 0, vias: vec![back(&tool, 0.1), tool] }], near.clone()),
+        Motion::Gripping(vec![0], Target::Object(cup)),
+        Motion::MovingTcp(vec![ToolWay { arm: 0, vias: vec![lifted(&tool, 0.06)] }], near),
+    ];
+    let distance = Distance { least_m: 0.35, best_m: 0.65, most_m: 0.95 };
+    let stand = || to_stand(start, &maps, tool.translation.vector.xy(), distance, 1, 40).unwrap_or_default();
+    let bases = stand();
+    line("places to stand at for a cup", measure(1, || drop(stand())), "list");
+    let mind = start.parked();
+    let works = |place: &Place| rehearse(&moved(&mind, &place.pose()), (start, &maps), &motions, 0).is_ok();
+    let one = bases.iter().copied().find(works).expect("the cup can be taken");
+    line("take the cup, in the mind", measure(1, || _ = std::hint::black_box(works(&one))), "place");
+    let all = || bases.iter().filter(|place| works(place)).count();
+    let name = format!("the same from {} places, {} work", bases.len(), all());
+    line(&name, measure(1, || _ = std::hint::black_box(all())), "list");
     let island = Support::Surface(scene.surface("island_area").expect("there is one"));
-    let item = Item { kind, object: Some(cup) };
-    let free = || drop(free_poses(start, &item, island, &Wishes::default(), 1));
-    line("free places for a cup on the island", measure(1, free), "list");
+    let put = || drop(to_put((start, start), &maps, cup, island, None, 1, 40));
+    line("places to put a cup on the island", measure(1, put), "list");
+    let there = moved(&mind, &one.pose());
+    let points = [tool.translation.vector; 5];
+    line("points that a camera sees", measure(1, || drop(seen(&there, &points))), "five");
 }

@@ -5,7 +5,7 @@
 //! `a_in_b` turns coordinates of `a` into coordinates of `b`.
 //!
 //! [`shape`] says what bodies look like, [`robot`] how machines of several bodies move,
-//! [`nav`] where they can drive, [`sight`] what their cameras see, [`search`] what could be done.
+//! [`nav`] where they can drive, [`sight`] what their cameras see; [`places`] and [`rehearse`] what could be done.
 //!
 //! Invariants
 //! 1. The same calls give the same bits on every machine: transcendental functions come from
@@ -15,7 +15,6 @@
 //! 2. No file and no pose makes it panic.
 
 pub mod belief;
-mod chances;
 pub mod motions;
 mod natives;
 pub mod nav;
@@ -27,11 +26,10 @@ pub mod record;
 pub mod rehearse;
 pub mod robot;
 pub mod scene;
-pub mod search;
 pub mod setting;
 pub mod shape;
 pub mod sight;
-
+pub mod stands;
 pub mod state;
 pub mod world;
 
@@ -41,7 +39,8 @@ mod random;
 #[must_use]
 pub fn natives() -> Vec<vm::native::Native> {
     let mut all = natives::natives();
-    all.extend(chances::natives());
+    all.extend(natives::chances::natives());
+    all.extend(natives::whereabouts::natives());
     all
 }
 

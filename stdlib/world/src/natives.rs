@@ -14,6 +14,7 @@ use vm::value::{Map, Obj, Symbol, Value};
 
 use crate::belief::Sight;
 use crate::motions::hand::Target;
+use crate::motions::tool::ToolWay;
 use crate::motions::{Field, Trouble};
 use crate::nav::Place;
 use crate::read::Mistake;
@@ -25,7 +26,8 @@ use crate::scene::{ContainerId, Hands, ObjectId, Scene, SurfaceId};
 use crate::state::{Around, Grip, State, Support};
 use crate::world::{Ended, Mode, Motion, Wanted, World};
 
-mod search;
+pub(crate) mod chances;
+pub(crate) mod whereabouts;
 
 natives! {
     "%checked-scene" [1] => checked_scene;
@@ -45,6 +47,7 @@ natives! {
     "put-object" [2 5] in ctx World => put_object;
     "robot-arms" [0] in ctx Look => |ctx: &mut Ctx<'_>, _args| robot_arms(ctx);
     "park-position" [1] in ctx Look => park_position;
+    "torso-range" [0] in ctx Look => |ctx: &mut Ctx<'_>, _args| torso_range(ctx);
     "robot-pose" [0] in ctx Look => |ctx: &mut Ctx<'_>, _args| pose_next(world(ctx)?.state.base);
     "tool-pose" [1] in ctx Look => |ctx: &mut Ctx<'_>, args| { let it = world(ctx)?; pose_next(it.state.tool(arm(&it.state, &args[0])?)) };
     "joint-position" [1] in ctx Look => joint_position;
@@ -56,7 +59,7 @@ natives! {
     "where-is" [1] in ctx Look => where_is;
     "objects-on" [1] in ctx Look => objects_on;
     "held-by" [1] in ctx Look => held_by;
-    "surface-pose" [1] in ctx Look => |ctx: &mut Ctx<'_>, args| { let it = world(ctx)?; pose_next(search::plane(&it.state, search::support(&it.state, &args[0])?)) };
+    "surface-pose" [1] in ctx Look => |ctx: &mut Ctx<'_>, args| { let it = world(ctx)?; pose_next(carrier(&it.state, &args[0])?.1) };
     "surfaces" [0] in ctx Look => |ctx: &mut Ctx<'_>, _args| Ok(names(world(ctx)?.state.setting.scene.surfaces.iter().map(|it| it.name.as_str())).into());
     "containers" [0] in ctx Look => |ctx: &mut Ctx<'_>, _args| Ok(names(world(ctx)?.state.setting.scene.containers.iter().map(|it| it.name.as_str())).into());
     "container-position" [1] in ctx Look => |ctx: &mut Ctx<'_>, args| { let it = world(ctx)?; Ok(Value::float(it.state.opening(container(&it.state, &args[0])?)).into()) };
@@ -66,21 +69,6 @@ natives! {
     "grasps" [1 2] in ctx Look => grasps;
     "handle-ways" [1 3] in ctx Look => handle_ways;
     "tool-to-put" [2] in ctx Look => tool_to_put;
-    "visible?" [1] in ctx Look => search::visible;
-    "stands-at?" [2] in ctx Look => search::stands_at;
-    "container-of" [1] in ctx Look => search::container_of;
-    "surfaces-of" [1] in ctx Look => search::surfaces_of;
-    "container-range" [1] in ctx Look => search::container_range;
-    "believed-place" [1] in ctx Look => search::believed_place;
-    "frame-pose" [1] in ctx Look => search::frame_pose;
-    "handle-poses" [1 3] in ctx Look => search::handle_poses;
-    "way-length" [1] in ctx Look => search::way_length;
-    "%reach-problem" [3] in ctx Look => search::reach_problem;
-    "%container-problem" [4] in ctx Look => search::container_problem;
-    "%base-to-reach" [2] in ctx Look => search::base_to_reach;
-    "%base-to-see" [1] in ctx Look => search::base_to_see;
-    "%base-to-open" [4] in ctx Look => search::base_to_open;
-    "%free-poses" [5] in ctx Look => search::free;
     "object-types" [0] in ctx Look => |ctx: &mut Ctx<'_>, _args| Ok(names(world(ctx)?.state.setting.scene.kinds.iter().map(|it| it.name.as_str())).into());
     "motion-costs" [0] in ctx Look => costs;
     "world-version" [0] in ctx Look => |ctx: &mut Ctx<'_>, _args| Ok(Value::int(world(ctx)?.state.version as i64).into());
@@ -185,6 +173,22 @@ pub(crate) fn container(state: &State, value: &Value) -> Result<ContainerId, Rai
         .map(ContainerId)
 }
 
+/// A surface, or an object that may carry others.
+pub(crate) fn support(state: &State, value: &Value) -> Result<Support, Raise> {
+    surface(state, value).map(Support::Surface).or_else(|why| match object(state, value) {
+        Ok(object) => Ok(Support::Object(object)),
+        Err(_) => Err(why),
+    })
+}
+
+/// What carries objects, and its middle.
+fn carrier(state: &State, value: &Value) -> Result<(Support, Isometry3<f64>), Raise> {
+    let support = support(state, value)?;
+    let carries_nothing =
+        || range_error("it carries nothing: a surface is needed, or something like a tray", value);
+    crate::stands::plane(state, support).map(|plane| (support, plane)).ok_or_else(carries_nothing)
+}
+
 fn arm(state: &State, value: &Value) -> Result<usize, Raise> {
     let arms = state.machine().map_or(&[][..], |it| &it.limbs.arms);
     find("an arm", value, arms.iter().map(|it| it.name.as_str()))
@@ -255,15 +259,15 @@ fn put_object(ctx: &mut Ctx<'_>, args: &[Value]) -> Result<Next, Raise> {
             let mut there = it.state.clone();
             there.put(object, Support::Floor, &at);
             let below = crate::motions::hand::below(&there, object);
-            let stands_on = below.filter(|(_, gap_m)| gap_m.abs() <= crate::search::place::ON_M);
+            let stands_on = below.filter(|(_, gap_m)| gap_m.abs() <= crate::stands::ON_M);
             (stands_on.map_or(Support::Floor, |(support, _)| support), at)
         }
         _ => {
-            let support = search::support(&it.state, &args[1])?;
+            let (support, plane) = carrier(&it.state, &args[1])?;
             let given = |at: usize| args.get(at).map_or(Ok(0.0), finite);
             let height = it.state.setting.scene.kind_of(object).height_above_ground_m();
             let there = crate::scene::upright(Vector3::new(given(2)?, given(3)?, height), given(4)?);
-            (support, search::plane(&it.state, support) * there)
+            (support, plane * there)
         }
     };
     let mut after = it.state.clone();
@@ -307,7 +311,7 @@ pub(crate) fn motion(state: &State, kind: &str, args: &[Value]) -> Result<Motion
             };
             Motion::MovingArmJoints(pairs.iter().map(pair).collect::<Result<_, Raise>>()?)
         }
-        "moving-tcp" => Motion::MovingTcp(search::ways(state, &given(0))?, around(state, &given(1))?),
+        "moving-tcp" => Motion::MovingTcp(ways(state, &given(0))?, around(state, &given(1))?),
         "gripping" => Motion::Gripping(arms(state, &given(0))?, target(state, &given(1))?),
         "releasing" => Motion::Releasing(arms(state, &given(0))?),
         "moving-container" => {
@@ -318,6 +322,15 @@ pub(crate) fn motion(state: &State, kind: &str, args: &[Value]) -> Result<Motion
         "detecting" => Motion::Detecting(wanted(state, &given(0))?),
         _ => return Err(range_error(format!("there is no motion `{kind}`"), &symbol(kind))),
     })
+}
+
+/// The ways of tools: a list of arms with poses.
+fn ways(state: &State, value: &Value) -> Result<Vec<ToolWay>, Raise> {
+    let pair = |pair: &Value| match list(pair)?.as_slice() {
+        [arm_name, vias] => Ok(ToolWay { arm: arm(state, arm_name)?, vias: poses(vias)? }),
+        _ => Err(type_error("a list of arm and poses", pair)),
+    };
+    list(value)?.iter().map(pair).collect()
 }
 
 pub(crate) fn point(value: &Value) -> Result<Vector3<f64>, Raise> {
@@ -485,6 +498,16 @@ fn joint_position(ctx: &mut Ctx<'_>, args: &[Value]) -> Result<Next, Raise> {
     let variable = robot.variable(&robot.joints()[at].name);
     let position = variable.and_then(|id| it.state.joints.get(id.index())).copied();
     Ok(position.map_or(Value::NIL, Value::float).into())
+}
+
+fn torso_range(ctx: &mut Ctx<'_>) -> Result<Next, Raise> {
+    let state = &world(ctx)?.state;
+    let Some((machine, torso)) = state.machine().and_then(|it| Some((it, it.limbs.torso?))) else {
+        return Ok(Value::NIL.into());
+    };
+    let at = state.joints.get(torso.index()).copied().unwrap_or_default();
+    let (low, high) = machine.robot.variables()[torso.index()].limits.unwrap_or((at, at));
+    Ok(Value::list([low, high, at].map(Value::float)).into())
 }
 
 fn believed_pose(ctx: &mut Ctx<'_>, args: &[Value]) -> Result<Next, Raise> {

@@ -180,6 +180,16 @@ impl State {
         Support::Floor
     }
 
+    /// How many objects are below an object, each on the next.
+    #[must_use]
+    pub fn carriers(&self, object: ObjectId) -> usize {
+        let below = |it: &ObjectId| match self.objects.get(it)?.on {
+            Support::Object(below) => Some(below),
+            _ => None,
+        };
+        std::iter::successors(below(&object), below).take(MOST_CARRIERS).count()
+    }
+
     /// The object that an object stands on in the end, itself if it stands on none.
     #[must_use]
     pub fn root_of(&self, object: ObjectId) -> ObjectId {
@@ -197,6 +207,17 @@ impl State {
     #[must_use]
     pub fn count_on(&self, support: Support) -> usize {
         self.objects.values().filter(|place| place.on == support).count()
+    }
+
+    /// How many objects a support takes at most; none says that nobody counts.
+    #[must_use]
+    pub fn capacity(&self, support: Support) -> Option<usize> {
+        let scene = &self.setting.scene;
+        match support {
+            Support::Surface(surface) => scene.surfaces[surface.0].capacity,
+            Support::Object(tray) => scene.kind_of(tray).carries.map(|tray| tray.capacity),
+            Support::Floor | Support::Hand(_) => None,
+        }
     }
 
     /// The object with what stands on it, itself first.

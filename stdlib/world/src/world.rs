@@ -117,7 +117,7 @@ pub enum Ended {
     Failed(Trouble),
 }
 
-/// The last search of the floor: candidates of one version ask it again and again, also in forks.
+/// The last flood: who compares the ways to several places asks for it again and again, also in forks.
 type LastFlood = Rc<RefCell<Option<(Arc<Map>, Place, Rc<Flood>)>>>;
 
 /// The world of a run.
@@ -196,20 +196,28 @@ impl World {
     /// it saw them last. What is in its hands it feels; doors and drawers it sees.
     #[must_use]
     pub fn believed(&self) -> State {
-        let mut state = self.state.clone();
-        for (object, place) in &self.state.objects {
-            if matches!(self.state.ground_of(*object), Support::Hand(_)) {
+        let truth = &self.state;
+        let is_held = |object: ObjectId| matches!(truth.ground_of(object), Support::Hand(_));
+        let mut state = truth.clone();
+        // What carries others comes before them: where they stand on it follows from where it is believed to be.
+        let mut others: Vec<ObjectId> = truth.objects.keys().copied().filter(|it| !is_held(*it)).collect();
+        others.sort_by_key(|it| truth.carriers(*it));
+        for object in others {
+            let (Some(sight), Some(place)) = (self.belief.seen.get(&object), truth.objects.get(&object))
+            else {
+                state.objects.remove(&object);
                 continue;
+            };
+            let on = match place.on {
+                Support::Object(below) if !state.objects.contains_key(&below) => Support::Floor,
+                on => on,
+            };
+            let mut pose = state.support_pose(on).inverse() * sight.pose;
+            if on == place.on {
+                // What stands somewhere stands on it, however wrong its height looks.
+                pose.translation.z = place.pose.translation.z;
             }
-            match self.belief.seen.get(object) {
-                Some(sight) => {
-                    let mut pose = self.state.support_pose(place.on).inverse() * sight.pose;
-                    // What stands somewhere stands on it, however wrong its height looks.
-                    pose.translation.z = place.pose.translation.z;
-                    state.objects.insert(*object, crate::state::Place { on: place.on, pose });
-                }
-                None => drop(state.objects.remove(object)),
-            }
+            state.objects.insert(object, crate::state::Place { on, pose });
         }
         state
     }

@@ -19,7 +19,7 @@ use super::{Costs, Draws, MODEL, Outcome, Part, Surroundings, Trouble, joint_tim
 const STEP_RAD: f64 = 0.025;
 const STEP_M: f64 = 0.02;
 /// Shares of a door's turn that the hand turns with it, tried in this order.
-pub(crate) const SHARES: [f64; 5] = [1.0, 0.75, 0.5, 0.25, 0.0];
+const SHARES: [f64; 5] = [1.0, 0.75, 0.5, 0.25, 0.0];
 /// A joint may move so far in one step.
 const JUMP: f64 = 0.5;
 
@@ -136,7 +136,7 @@ fn follow(
 }
 
 /// Where the tool is when the joint is at `position`, if it is at `tool` when the joint is at `from`.
-pub(crate) fn tool_at(
+fn tool_at(
     it: &Container,
     owner: &Isometry3<f64>,
     tool: &Isometry3<f64>,

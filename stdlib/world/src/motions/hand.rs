@@ -225,18 +225,13 @@ fn release(state: &State, arms: &[usize]) -> Result<Outcome, Trouble> {
 
 /// Whether what is right below an object takes one more.
 fn has_room(state: &State, object: ObjectId) -> Result<(), Trouble> {
-    let (Some((support, _)), scene) = (below(state, object), &state.setting.scene) else { return Ok(()) };
-    let capacity = match support {
-        Support::Surface(surface) => scene.surfaces[surface.0].capacity,
-        Support::Object(tray) => scene.kind_of(tray).carries.map(|tray| tray.capacity),
-        Support::Floor | Support::Hand(_) => None,
-    };
+    let Some((support, _)) = below(state, object) else { return Ok(()) };
     let there = state.count_on(support);
-    match capacity.filter(|capacity| there >= *capacity) {
+    match state.capacity(support).filter(|capacity| there >= *capacity) {
         None => Ok(()),
         Some(_) => {
             let on = state.support_name(support);
-            let name = &scene.objects[object.0].name;
+            let name = &state.setting.scene.objects[object.0].name;
             let message =
                 format!("`{on}` is full: {there} objects are there, and `{name}` would be one more");
             Err(Trouble::new("no-room", message).name("object", name).name("place", on))

@@ -1,5 +1,6 @@
 //! Tests of the crate, one file for each module that they are about.
 
+mod chances;
 mod collision;
 mod ik;
 mod kinematics;
@@ -7,7 +8,7 @@ mod kitchen;
 mod motions;
 mod nav;
 mod path;
-mod search;
+
 mod sight;
 mod simulate;
 mod text;

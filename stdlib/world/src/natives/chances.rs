@@ -1,6 +1,7 @@
 //! For the language: where to stand, where to put, and what would work there.
 //!
-//! What `plans/world.plan` declares under "Chances". The plans that ground locations and choose arms and
+//! What `plans/world.plan` declares under "Chances". Samples are keyed by the seed of the run and the place in the
+//! plan: who asks again, be it in another attempt, is told the same. The plans that ground locations and choose arms and
 //! grasps are written in the language; here is only what takes geometry.
 
 use nalgebra::{Isometry3, Vector3};
@@ -9,12 +10,12 @@ use vm::native::{Next, Raise, index, list, range_error, type_error};
 use vm::natives;
 use vm::value::{Symbol, Value};
 
+use super::{finite, map, motion, object, point, pose, pose_value, poses, raise, support, symbol, world};
 use crate::motions::Trouble;
-use crate::natives::{
-    container, finite, map, motion, object, point, pose, pose_value, poses, raise, surface, symbol, world,
-};
+use crate::nav::Place;
 use crate::places::{self, Distance};
 use crate::rehearse::{moved, rehearse, seen, sees};
+use crate::stands::{Item, stands};
 use crate::state::{State, Support};
 use crate::world::Motion;
 
@@ -22,11 +23,10 @@ natives! {
     "%places-to-stand" [5] in ctx Look => places_to_stand;
     "%places-to-put" [3 4] in ctx Look => places_to_put;
     "%first-that-works" [2] in ctx Look => first_that_works;
-    "torso-range" [0] in ctx Look => |ctx: &mut Ctx<'_>, _args| torso_range(ctx);
-    "drawer?" [1] in ctx Look => |ctx: &mut Ctx<'_>, args| { let it = world(ctx)?; let id = container(&it.state, &args[0])?; Ok(Value::bool(!it.state.setting.container(id).joint.turns()).into()) };
-    "surface-size" [1] in ctx Look => surface_size;
     "visible-from?" [2] in ctx Look => visible_from;
     "points-seen" [2] in ctx Look => points_seen;
+    "way-length" [1] in ctx Look => way_length;
+    "stands-at?" [2] in ctx Look => stands_at;
 }
 
 /// So many candidates at most: they are computed at once.
@@ -62,20 +62,19 @@ fn places_to_put(ctx: &mut Ctx<'_>, args: &[Value]) -> Result<Next, Raise> {
     let thing = object(&it.state, &args[0])?;
     let on = support(&it.state, &args[1])?;
     let believed = it.believed();
+    if let Support::Object(below) = on
+        && !believed.objects.contains_key(&below)
+    {
+        let name = it.state.support_name(on);
+        let message = format!("nobody knows where `{name}` is: it has not been seen");
+        return Err(raise(ctx, &Trouble::new("object-not-found", message).name("what", name)));
+    }
     let found = places::to_put((&it.state, &believed), it.maps(), thing, on, near, seed, count);
     answer(ctx, found.map(|poses| poses.into_iter().map(pose_value).collect()))
 }
 
 fn answer(ctx: &Ctx<'_>, found: Result<Vec<Value>, Trouble>) -> Result<Next, Raise> {
     found.map(|values| Value::list(values).into()).map_err(|trouble| raise(ctx, &trouble))
-}
-
-/// A surface, or an object that carries others.
-fn support(state: &State, value: &Value) -> Result<Support, Raise> {
-    surface(state, value).map(Support::Surface).or_else(|why| match object(state, value) {
-        Ok(object) => Ok(Support::Object(object)),
-        Err(_) => Err(why),
-    })
 }
 
 /// `(%first-that-works bases alternatives)`: the numbers of a base and of a list of motions, or the failures of
@@ -150,20 +149,36 @@ fn points_seen(ctx: &mut Ctx<'_>, args: &[Value]) -> Result<Next, Raise> {
     found.map(|count| Value::int(count as i64).into()).map_err(|trouble| raise(ctx, &trouble))
 }
 
-fn surface_size(ctx: &mut Ctx<'_>, args: &[Value]) -> Result<Next, Raise> {
+/// How far the base drives to a place, about; nil if it does not get there.
+fn way_length(ctx: &mut Ctx<'_>, args: &[Value]) -> Result<Next, Raise> {
     let it = world(ctx)?;
-    let size = it.state.setting.scene.surfaces[surface(&it.state, &args[0])?.0].size;
-    Ok(Value::list(size.map(Value::float)).into())
+    let goal = Place::of_pose(&pose(&args[0])?);
+    match it.ground() {
+        Ok((map, flood)) => {
+            let length_m =
+                flood.cost_m(&map, goal).and_then(|_| flood.reach(&map, goal).ok()).map(|it| it.length_m);
+            Ok(length_m.map_or(Value::NIL, Value::float).into())
+        }
+        Err(trouble) if trouble.kind == "no-robot" => Err(raise(ctx, &trouble)),
+        Err(_) => Ok(Value::NIL.into()),
+    }
 }
 
-fn torso_range(ctx: &mut Ctx<'_>) -> Result<Next, Raise> {
+fn stands_at(ctx: &mut Ctx<'_>, args: &[Value]) -> Result<Next, Raise> {
     let state = &world(ctx)?.state;
-    let Some((machine, torso)) = state.machine().and_then(|it| Some((it, it.limbs.torso?))) else {
-        return Ok(Value::NIL.into());
-    };
-    let at = state.joints.get(torso.index()).copied().unwrap_or_default();
-    let (low, high) = machine.robot.variables()[torso.index()].limits.unwrap_or((at, at));
-    Ok(Value::list([low, high, at].map(Value::float)).into())
+    Ok(Value::bool(stands(state, &item(state, &args[0])?, &pose(&args[1])?)).into())
+}
+
+/// An object, or any of a type.
+fn item<'s>(state: &'s State, value: &Value) -> Result<Item<'s>, Raise> {
+    let scene = &state.setting.scene;
+    match object(state, value) {
+        Ok(object) => Ok(Item { kind: scene.kind_of(object), object: Some(object) }),
+        Err(why) => {
+            let kind = value.as_symbol().and_then(|name| scene.kind(name.as_str()));
+            kind.map(|kind| Item { kind: &scene.kinds[kind.0], object: None }).ok_or(why)
+        }
+    }
 }
 
 /// `(visible-from? object base)`
