@@ -165,7 +165,7 @@ fn candidates(start: &State) {
     let bases = stand();
     line("places to stand at for a cup", measure(1, || drop(stand())), "list");
     let mind = start.parked();
-    let works = |place: &Place| rehearse(&moved(&mind, &place.pose()), (start, &maps), &motions, 0).is_ok();
+    let works = |place: &Place| rehearse(&moved(&mind, &place.pose()), start, &motions, 0).is_ok();
     let one = bases.iter().copied().find(works).expect("the cup can be taken");
     line("take the cup, in the mind", measure(1, || _ = std::hint::black_box(works(&one))), "place");
     let all = || bases.iter().filter(|place| works(place)).count();

@@ -12,7 +12,7 @@ use nalgebra::{Isometry3, Vector2, Vector3};
 use crate::motions::base::Maps;
 use crate::motions::{Trouble, machine};
 use crate::nav::convex::{Polygon, heights, placed};
-use crate::nav::{Costmap, Flood, Grid, Map, Place, turn_between};
+use crate::nav::{Costmap, Grid, Map, Place, turn_between};
 use crate::random::unit;
 use crate::scene::{ContainerId, ObjectId, upright};
 use crate::shape::PosedShape;
@@ -62,8 +62,7 @@ pub fn to_stand(
 ) -> Result<Vec<Place>, Trouble> {
     let drive = machine(state)?.limbs.drive;
     let state = &state.parked();
-    let map = maps.of(state);
-    let flood = Flood::new(&map, Place::of_pose(&state.base), drive).map_err(|why| {
+    let (map, flood) = maps.ground(state, drive).map_err(|why| {
         Trouble::new("base-goal-unreachable", format!("the base is stuck where it stands: {why}"))
             .pose("goal", state.base)
     })?;
@@ -191,19 +190,22 @@ fn region_pose(state: &State, on: Support) -> Isometry3<f64> {
     state.support_pose(on) * nalgebra::Translation3::from(at)
 }
 
-/// Where the base can stand.
+/// The edge of where the base can stand.
 struct Standing {
     cells: Vec<Vector2<f64>>,
 }
 
-/// Of so many cells one is looked at: what matters are tenths of a metre.
-const EACH: usize = 3;
-
 fn standing(state: &State, maps: &Maps) -> Result<Standing, Trouble> {
     machine(state)?;
     let map = maps.of(state);
-    let free = (0..map.grid().len()).filter(|cell| map.free_headings(*cell) != 0);
-    Ok(Standing { cells: free.step_by(EACH).map(|cell| map.grid().centre(cell)).collect() })
+    let grid = map.grid();
+    let is_free = |cell: usize| map.free_headings(cell) != 0;
+    // What is nearest to a place where nobody can stand is at the edge of where one can.
+    let at_edge = |cell: &usize| {
+        let around = [cell.wrapping_sub(1), cell + 1, cell.wrapping_sub(grid.width), cell + grid.width];
+        is_free(*cell) && around.into_iter().any(|other| other >= grid.len() || !is_free(other))
+    };
+    Ok(Standing { cells: (0..grid.len()).filter(at_edge).map(|cell| grid.centre(cell)).collect() })
 }
 
 impl Standing {

@@ -5,10 +5,9 @@
 
 use nalgebra::{Isometry3, Point3, Vector3};
 
-use crate::motions::base::{Maps, blocker_name};
+use crate::motions::base::{blocker_name, blocker_of};
 use crate::motions::view::View;
 use crate::motions::{MODEL, Trouble, machine};
-use crate::nav::Place;
 use crate::scene::ObjectId;
 use crate::shape::{PosedShape, Shape};
 use crate::state::State;
@@ -29,7 +28,7 @@ pub fn moved(state: &State, base: &Isometry3<f64>) -> State {
 /// The first failure.
 pub fn rehearse(
     state: &State,
-    (truth, maps): (&State, &Maps),
+    truth: &State,
     motions: &[Motion],
     now_ns: u64,
 ) -> Result<(), Trouble> {
@@ -44,20 +43,19 @@ pub fn rehearse(
             return Err(trouble);
         }
     }
-    can_drive_off(world.state, truth, maps)
+    can_drive_off(world.state, truth)
 }
 
 /// With its arms as they are then, and with what they hold, the base must touch nothing where it stands. What is in
 /// its way it sees, as it does when it drives: objects that it has not looked at stand there all the same.
-fn can_drive_off(mut state: State, truth: &State, maps: &Maps) -> Result<(), Trouble> {
+fn can_drive_off(mut state: State, truth: &State) -> Result<(), Trouble> {
     for (object, place) in &truth.objects {
         if !state.objects.contains_key(object) {
             state.objects.insert(*object, *place);
         }
     }
     let state = &state;
-    let map = maps.of(state);
-    let Some(blocker) = map.blocker(&Place::of_pose(&state.base)) else { return Ok(()) };
+    let Some(blocker) = blocker_of(state) else { return Ok(()) };
     let by = blocker_name(state, &blocker);
     let message = format!("the base could not drive off after that: `{by}` is in the way");
     Err(Trouble::new("base-goal-in-collision", message).pose("goal", state.base).name("by", by))

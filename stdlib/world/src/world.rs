@@ -10,7 +10,6 @@
 //! 2. A version is given out once in the life of a world: a state that comes back keeps its number.
 
 use std::any::Any;
-use std::cell::RefCell;
 use std::collections::BTreeMap;
 use std::rc::Rc;
 use std::sync::Arc;
@@ -117,8 +116,6 @@ pub enum Ended {
     Failed(Trouble),
 }
 
-/// The last flood: who compares the ways to several places asks for it again and again, also in forks.
-type LastFlood = Rc<RefCell<Option<(Arc<Map>, Place, Rc<Flood>)>>>;
 
 /// The world of a run.
 pub struct World {
@@ -135,7 +132,6 @@ pub struct World {
     /// What has happened, if anybody wants to know.
     pub recording: Option<Recording>,
     maps: Maps,
-    flood: LastFlood,
     running: BTreeMap<u64, Running>,
     ended: BTreeMap<u64, Ended>,
     kept: Vec<Kept>,
@@ -158,7 +154,7 @@ impl vm::world::World for World {
     fn fork(&self) -> Box<dyn vm::world::World> {
         let mut fork = World::new(self.state.clone());
         (fork.belief, fork.costs, fork.last_version) = (self.belief.clone(), self.costs, self.last_version);
-        (fork.maps, fork.flood, fork.mode) = (self.maps.clone(), Rc::clone(&self.flood), self.mode);
+        (fork.maps, fork.mode) = (self.maps.clone(), self.mode);
         Box::new(fork)
     }
 
@@ -183,7 +179,6 @@ impl World {
             now_ns: 0,
             recording: None,
             maps: Maps::default(),
-            flood: LastFlood::default(),
             running: BTreeMap::new(),
             ended: BTreeMap::new(),
             kept: Vec::new(),
@@ -274,20 +269,8 @@ impl World {
     /// There is no robot, or it stands where it cannot.
     pub fn ground(&self) -> Result<(Arc<Map>, Rc<Flood>), Trouble> {
         let machine = motions::machine(&self.state)?;
-        let (map, start) = (self.maps.of(&self.state), Place::of_pose(&self.state.base));
-        let mut last = self.flood.borrow_mut();
-        if let Some((other, from, flood)) = &*last
-            && Arc::ptr_eq(other, &map)
-            && *from == start
-            && flood.drive_kind() == machine.limbs.drive
-        {
-            return Ok((map, Rc::clone(flood)));
-        }
-        let flood = Flood::new(&map, start, machine.limbs.drive)
-            .map_err(|why| Trouble::new("base-goal-unreachable", why.to_string()))?;
-        let flood = Rc::new(flood);
-        *last = Some((Arc::clone(&map), start, Rc::clone(&flood)));
-        Ok((map, flood))
+        let ground = self.maps.ground(&self.state, machine.limbs.drive);
+        ground.map_err(|why| Trouble::new("base-goal-unreachable", why.to_string()))
     }
 
     fn record(&mut self, done: Option<Done>) {

@@ -6,7 +6,9 @@ use std::sync::Arc;
 
 use nalgebra::{Isometry3, Vector2};
 
+use crate::nav::map::blocker_at;
 use crate::nav::{Barrier, Blocker, Flood, Footprint, Map, NoWay, Place, Room, Settings};
+use crate::robot::chain::DriveKind;
 use crate::scene::{ContainerId, SurfaceId};
 use crate::shape::PosedShape;
 use crate::state::{Grip, State, Support};
@@ -22,21 +24,27 @@ const KEY_S: f64 = 0.25;
 /// Errors of a place are cut here, as shares of the deviation.
 const MOST_ERROR: f64 = 3.0;
 
-/// Maps of the states that were asked last. As long as only the base moves, one holds; where only doors and
-/// objects are elsewhere, what never moves is not computed again. Forks of a world share them.
+/// Maps of the states that were asked last, and floods through them. As long as only the base moves, one map holds;
+/// where only doors and objects are elsewhere, what never moves is not computed again. Forks of a world share them.
 #[derive(Clone, Default)]
-pub struct Maps(Rc<RefCell<Vec<KnownMap>>>);
+pub struct Maps(Rc<RefCell<Known>>);
 
-type KnownMap = (State, Arc<Map>);
+#[derive(Default)]
+struct Known {
+    maps: Vec<(State, Arc<Map>)>,
+    floods: Vec<(Arc<Map>, Rc<Flood>)>,
+}
 
 /// Outlines for which maps are kept: with parked arms, and with this or that in the hands.
 const KEPT: usize = 4;
+/// Floods that are kept: from where the base is, and from where it is said to be.
+const KEPT_FLOODS: usize = 2;
 
 impl Maps {
     /// The map of a state.
     #[must_use]
     pub fn of(&self, state: &State) -> Arc<Map> {
-        let mut known = self.0.borrow_mut();
+        let known = &mut self.0.borrow_mut().maps;
         if let Some(place) = known.iter().position(|(other, _)| looks_alike(other, state)) {
             let found = known.remove(place);
             let map = Arc::clone(&found.1);
@@ -56,6 +64,33 @@ impl Maps {
         known.push((state.clone(), Arc::clone(&map)));
         map
     }
+
+    /// The map of a state, and how far everything is from where its base stands.
+    ///
+    /// # Errors
+    /// The base stands where it cannot.
+    pub fn ground(&self, state: &State, drive: DriveKind) -> Result<(Arc<Map>, Rc<Flood>), NoWay> {
+        let (map, start) = (self.of(state), Place::of_pose(&state.base));
+        let floods = &mut self.0.borrow_mut().floods;
+        let same = |(other, flood): &(Arc<Map>, Rc<Flood>)| {
+            Arc::ptr_eq(other, &map) && flood.start() == start && flood.drive_kind() == drive
+        };
+        if let Some((_, flood)) = floods.iter().find(|it| same(it)) {
+            return Ok((Arc::clone(&map), Rc::clone(flood)));
+        }
+        let flood = Rc::new(Flood::new(&map, start, drive)?);
+        if floods.len() == KEPT_FLOODS {
+            floods.remove(0);
+        }
+        floods.push((Arc::clone(&map), Rc::clone(&flood)));
+        Ok((map, flood))
+    }
+}
+
+/// What the base of a state touches where it stands; quicker than a map.
+#[must_use]
+pub fn blocker_of(state: &State) -> Option<Blocker> {
+    blocker_at(&barriers(state), &footprint(state), &Place::of_pose(&state.base))
 }
 
 /// True if both have the same outline among the same obstacles.
@@ -156,9 +191,8 @@ fn go(state: &State, goals: &[Place], maps: &Maps, draws: &mut Draws) -> Result<
     let Some(first) = goals.first() else {
         return Err(Trouble::new("base-goal-unreachable", "there is no place to go to"));
     };
-    let map = maps.of(state);
-    let start = Place::of_pose(&state.base);
-    let flood = Flood::new(&map, start, machine.limbs.drive).map_err(|why| no_way(state, &why, first))?;
+    let ground = maps.ground(state, machine.limbs.drive);
+    let (map, flood) = ground.map_err(|why| no_way(state, &why, first))?;
     let mut why = None;
     for goal in goals {
         match flood.drive(&map, *goal, &MODEL.drive) {

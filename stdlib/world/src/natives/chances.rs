@@ -62,13 +62,6 @@ fn places_to_put(ctx: &mut Ctx<'_>, args: &[Value]) -> Result<Next, Raise> {
     let thing = object(&it.state, &args[0])?;
     let on = support(&it.state, &args[1])?;
     let believed = it.believed();
-    if let Support::Object(below) = on
-        && !believed.objects.contains_key(&below)
-    {
-        let name = it.state.support_name(on);
-        let message = format!("nobody knows where `{name}` is: it has not been seen");
-        return Err(raise(ctx, &Trouble::new("object-not-found", message).name("what", name)));
-    }
     let found = places::to_put((&it.state, &believed), it.maps(), thing, on, near, seed, count);
     answer(ctx, found.map(|poses| poses.into_iter().map(pose_value).collect()))
 }
@@ -97,7 +90,7 @@ fn first_that_works(ctx: &mut Ctx<'_>, args: &[Value]) -> Result<Next, Raise> {
     for (number, base) in bases.iter().enumerate() {
         let there = moved(&believed, base);
         for (way, motions) in alternatives.iter().enumerate() {
-            match rehearse(&there, (&it.state, it.maps()), motions, now_ns) {
+            match rehearse(&there, &it.state, motions, now_ns) {
                 Ok(()) => {
                     let found = [("place", number), ("way", way)];
                     return Ok(map(found.map(|(key, number)| (key, Value::int(number as i64)))).into());

@@ -311,6 +311,24 @@ fn blocks(barriers: &[Barrier], fixed: bool, footprint: &Footprint) -> Vec<Block
     blocks
 }
 
+/// What a base with this outline touches at a place, exactly: the same as [`Map::blocker`], but for the edge of the
+/// room, for one question about one state.
+#[must_use]
+pub fn blocker_at(barriers: &[Barrier], footprint: &Footprint, place: &Place) -> Option<Blocker> {
+    let turn = libm::sincos(place.yaw);
+    let outlines: Vec<Polygon> =
+        footprint.bands.iter().map(|band| band.outline.moved(turn, place.point())).collect();
+    let touches = |block: &Block| {
+        let mut numbered = outlines.iter().enumerate();
+        numbered.any(|(band, outline)| block.bands >> band & 1 == 1 && outline.touches(&block.outline))
+    };
+    [true, false]
+        .into_iter()
+        .flat_map(|fixed| blocks(barriers, fixed, footprint))
+        .find(touches)
+        .map(|block| Blocker::Barrier(block.barrier))
+}
+
 impl Map {
     /// The map of a room with all that stands around in it.
     #[must_use]

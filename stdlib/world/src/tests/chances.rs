@@ -252,7 +252,7 @@ fn what_works_in_the_mind_works_when_it_is_done() {
         let chance = jobs.into_iter().find_map(|job| {
             let works = |place: &Place| {
                 let there = moved(&mind, &place.pose());
-                rehearse(&there, (state, &maps), &job.motions, errand.now_ns).is_ok()
+                rehearse(&there, state, &job.motions, errand.now_ns).is_ok()
             };
             stand(state, &maps, job.at, seed, 40).into_iter().find(works).map(|place| (job, place))
         });
@@ -275,15 +275,14 @@ fn what_works_in_the_mind_works_when_it_is_done() {
 fn to_rehearse_changes_nothing() {
     let mut errand = Errand::kitchen("pr2");
     errand.go(&Motion::MovingTorso(0.25));
-    let maps = Maps::default();
     let state = &errand.world.state;
     let before = format!("{:?}", (&state.base, &state.joints, &state.objects, &state.hands, &state.openings));
     let (version, costs) = (state.version, errand.world.costs);
     let place = Place::new(1.1, 3.35, std::f64::consts::PI);
     for job in jobs(state, 0) {
         let there = moved(state, &place.pose());
-        let first = rehearse(&there, (state, &maps), &job.motions, 0).map_err(|why| why.message);
-        let again = rehearse(&there, (state, &Maps::default()), &job.motions, 0).map_err(|why| why.message);
+        let first = rehearse(&there, state, &job.motions, 0).map_err(|why| why.message);
+        let again = rehearse(&there, state, &job.motions, 0).map_err(|why| why.message);
         assert_eq!(first, again, "{}", job.name);
     }
     let after = format!("{:?}", (&state.base, &state.joints, &state.objects, &state.hands, &state.openings));
