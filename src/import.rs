@@ -4,7 +4,6 @@
 //! where it stands, as in `tree[3].status`.
 
 use serde_json::Value as Json;
-use vm::edit::What;
 use vm::failure::{Builtin, Failure, FailureTypes, Task as Raiser};
 use vm::rules::view::{Attempt, Task, TreeView};
 use vm::tree::{NodeKind, Status};
@@ -172,12 +171,11 @@ impl<'a> Node<'a> {
         }
         let kind = self.word("kind", NodeKind::ALL, NodeKind::word)?;
         let last = self.attempt()?;
-        let failed = last.status == Status::Failed.word();
-        let edits = self.each("edits", |it| it.edit())?;
+        let failed = self.get("failure").is_some();
         let mut task = Task::default();
         task.name = Symbol::from(self.text("name")?);
         task.kind = kind.word();
-        task.status = overlay(self.status()?, &edits).word();
+        task.status = self.status()?.word();
         task.params = properties(kind, self.params("params")?);
         task.written = match self.get("written-params") {
             Some(_) => Some(properties(kind, self.params("written-params")?)),
@@ -191,7 +189,8 @@ impl<'a> Node<'a> {
         }
         let attempts = self.each("attempts", |it| it.attempt())?;
         task.attempts = if attempts.is_empty() { vec![last] } else { attempts };
-        task.edits = edits;
+        task.edits = self.each("edits", |it| it.edit())?;
+        task.pending = self.each("pending", |it| it.edit())?;
         Ok(task)
     }
 
@@ -247,20 +246,4 @@ fn properties(kind: NodeKind, params: Vec<(Symbol, Value)>) -> Vec<(Symbol, Valu
         }
         _ => params.into_iter().filter(|param| !vm::code::is_pattern(&param.0)).collect(),
     }
-}
-
-/// What a task would be now, with the edits that have been made since it ran.
-fn overlay(status: Status, edits: &[Value]) -> Status {
-    if status != Status::Succeeded {
-        return status;
-    }
-    let edits = edits.iter().filter_map(|edit| match edit.obj() {
-        Some(Obj::Edit(edit)) => Some(&edit.what),
-        _ => None,
-    });
-    edits.fold(status, |status, what| match what {
-        What::Skip(_) => Status::Skipped,
-        What::Defer(_) if status != Status::Skipped => Status::Deferred,
-        _ => status,
-    })
 }

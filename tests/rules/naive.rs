@@ -284,7 +284,7 @@ impl<'p> Naive<'p> {
                 let args = self.terms(args, first);
                 Ok(self.call(*predicate, &args, known))
             }
-            GoalKind::CallValue(goal, more) => {
+            GoalKind::CallValue(goal, more, _) => {
                 let goal = full(&self.term(goal, first), known);
                 let mut parts = Vec::new();
                 let mut rest = if let Tree::Pair(_) = goal { goal } else { list([goal].into_iter()) };

@@ -20,6 +20,7 @@ use crate::value::{Imm, Symbol, Value};
 
 use super::clause::PredId;
 use super::collect::{Collecting, Groups};
+use super::control::Goal;
 use super::index::{FactRows, Facts};
 use super::live::Live;
 use super::native::{Alternatives, Call, Found};
@@ -269,10 +270,16 @@ impl Engine {
         (!self.started).then_some((PredId(self.result), inputs))
     }
 
-    /// The instruction after the one that it does.
-    #[must_use]
-    pub fn pc(&self) -> u32 {
-        self.pc
+    /// The instruction after the one that it does, then those where the clauses around go on, up to a limit.
+    pub fn goes_on_at(&self) -> impl Iterator<Item = u32> {
+        const FRAMES: usize = 1000;
+        let mut frame = self.frame;
+        let frames = std::iter::from_fn(move || {
+            let it = self.frames.get(frame as usize).filter(|_| frame != 0)?;
+            frame = it.parent;
+            Some(it.pc)
+        });
+        std::iter::once(self.pc).chain(frames.take(FRAMES))
     }
 
     /// Memory in use, in bytes.
@@ -605,21 +612,24 @@ impl Engine {
                         }
                         continue 'window;
                     }
-                    RuleOp::CallValue(window, n, most) => {
+                    RuleOp::CallValue(window, n, most, scope) => {
                         before_call!();
                         self.pc = pc as u32;
-                        if !self.call_value(program, window, n, most)? {
+                        if !self.call_value(program, window, n, most, scope)? {
                             return Ok(Out::Back);
                         }
                         continue 'window;
                     }
                     RuleOp::CallFun(d, window, n, function) => {
-                        let mut args = Vec::with_capacity(n.into());
+                        let (mut args, mut vars) = (Vec::with_capacity(n.into()), Vec::new());
                         for i in 0..usize::from(n) {
                             let cell = w[(window as usize + i) & 255];
-                            args.push(store.export(cell, &self.view).map_err(too_large)?);
+                            args.push(store.export_with(cell, &self.view, &mut vars).map_err(too_large)?);
                         }
                         self.pc = pc as u32;
+                        if !vars.is_empty() {
+                            return Err(no_value(program, function));
+                        }
                         self.result = base as u32 + u32::from(d);
                         return Ok(Out::Step(Step::Call(function, args)));
                     }
@@ -862,40 +872,21 @@ impl Engine {
     }
 
     /// `(call goal more…)`: finds the predicate of the goal and puts its arguments in place.
-    fn call_value(&mut self, program: &Program, window: u8, n: u8, most: u8) -> Result<bool, Raise> {
+    fn call_value(
+        &mut self,
+        program: &Program,
+        window: u8,
+        n: u8,
+        most: u8,
+        scope: u32,
+    ) -> Result<bool, Raise> {
         let at = self.base as usize + window as usize;
-        let mut args = Vec::new();
-        let goal = self.store.open(self.stack[at]);
-        let mut rest = match goal {
-            Cell::Pair(pair) => {
-                args.push(self.store.heap[pair as usize]);
-                self.store.heap[pair as usize + 1]
-            }
-            _ => {
-                args.push(goal);
-                Cell::NIL
-            }
-        };
-        loop {
-            rest = self.store.open(rest);
-            let Cell::Pair(pair) = rest else { break };
-            args.push(self.store.heap[pair as usize]);
-            rest = self.store.heap[pair as usize + 1];
-            if args.len() > 250 {
-                break;
-            }
-        }
-        args.extend_from_slice(&self.stack[at + 1..at + 1 + usize::from(n)]);
-        let name = match self.store.deref(args.remove(0)) {
-            Cell::Imm(Imm::Symbol(name)) => name,
-            other => {
-                let value = self.store.export(other, &self.view).map_err(too_large)?;
-                return Err(crate::native::type_error("a goal", &value));
-            }
-        };
-        let Some(predicate) = program.rules.find(name, args.len()) else {
-            let message = format!("there is no predicate `{name}` of {} arguments", args.len());
-            return Err(Box::new(Failure::new(Builtin::ProgramError, message)));
+        let goal = self.stack[at];
+        let more = self.stack[at + 1..at + 1 + usize::from(n)].to_vec();
+        let (predicate, args) = match self.goal(&program.rules, goal, &more, scope)? {
+            Goal::True => return Ok(true),
+            Goal::False => return Ok(false),
+            Goal::Predicate(predicate, args) => (predicate, args),
         };
         let above = (self.base + u32::from(most)).max(self.top);
         self.move_args(at, above as usize, 0);
@@ -1159,6 +1150,15 @@ impl ExactDiv for i64 {
 
 pub(super) fn too_large(_: TooLarge) -> Raise {
     crate::native::too_large("a term of a rule has more than 20 million parts")
+}
+
+fn no_value(program: &Program, function: FnId) -> Raise {
+    let name = program.functions.get(function.at()).map_or("a function", |it| it.name.as_str());
+    let name = if name.starts_with('%') { "an expression" } else { name };
+    let message = format!(
+        "a variable that `{name}` is computed from has no value yet: put the goal that gives it one before"
+    );
+    Box::new(Failure::new(Builtin::UnboundVariable, message))
 }
 
 fn floundering(var: &Value) -> Raise {

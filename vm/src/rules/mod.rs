@@ -7,6 +7,7 @@
 
 pub mod clause;
 mod collect;
+pub mod control;
 pub mod engine;
 mod gc;
 pub mod index;
@@ -15,6 +16,7 @@ pub mod lower;
 pub mod native;
 pub mod nearest;
 pub mod op;
+mod overlay;
 pub mod plan;
 pub mod show;
 pub mod store;
@@ -26,6 +28,8 @@ pub mod view;
 pub mod why;
 
 use std::rc::Rc;
+
+use rustc_hash::FxHashMap;
 
 use clause::{Clause, Declared, Kind, PredId};
 use index::{ClauseIndex, Facts};
@@ -68,7 +72,14 @@ pub struct Rules {
     pub collect_from: usize,
     /// The predicates that look tasks up below another one: directly, and anywhere.
     pub(crate) look_ups: [Option<PredId>; 2],
-    constant_index: rustc_hash::FxHashMap<u64, Vec<u32>>,
+    constant_index: FxHashMap<u64, Vec<u32>>,
+    /// The predicate that solves goals of the language which are only known when they run.
+    solver: Option<PredId>,
+    /// What names in such goals mean, by the number of the module whose clause calls them: for those
+    /// modules that do. The compiler fills it.
+    pub scopes: FxHashMap<u32, control::Scope>,
+    /// What they mean where that is not known.
+    pub everywhere: control::Scope,
     /// Predicates that have changed since they were compiled.
     changed: Vec<PredId>,
 }
@@ -88,7 +99,10 @@ impl Default for Rules {
             grounding: None,
             collect_from: COLLECT_FROM,
             look_ups: [None; 2],
-            constant_index: rustc_hash::FxHashMap::default(),
+            solver: None,
+            scopes: FxHashMap::default(),
+            everywhere: control::Scope::default(),
+            constant_index: FxHashMap::default(),
             changed: Vec::new(),
         }
     }
@@ -170,6 +184,9 @@ impl Rules {
         let it = &self.predicates[id.at()].declared;
         if it.name == GROUNDING && it.arity == 2 && self.grounding.is_none() {
             self.grounding = Some(id);
+        }
+        if (it.name.as_str(), it.arity) == control::SOLVER && self.solver.is_none() {
+            self.solver = Some(id);
         }
         match (it.name.as_str(), it.arity, it.kind) {
             ("subtask-with", 4, Kind::Native) => self.look_ups[0] = Some(id),

@@ -55,7 +55,7 @@ pub const TABLE: &[(&str, u8, NativeRule)] = &[
     ("task-value", 2, |call| functional(call, |task| Some(task.value.clone()))),
     ("task-failure", 2, |call| functional(call, |task| task.failure.clone())),
     ("task-grounded", 2, |call| functional(call, |task| task.grounded.clone())),
-    ("task-start", 2, |call| functional(call, |task| Some(Value::float(task.start)))),
+    ("task-start", 2, |call| functional(call, |task| task.started().map(Value::float))),
     ("task-end", 2, |call| functional(call, |task| task.end.map(Value::float))),
     ("task-path", 2, path),
     ("task-robot", 2, |call| functional(call, |_| None)),
@@ -525,25 +525,18 @@ impl Alternatives for With {
 
 /// `(before a b)`: a ended before b started.
 fn before(call: &mut Call<'_>) -> Result<Found, Raise> {
-    fn is_before(view: &TreeView, a: u32, b: u32) -> bool {
-        let (first, second) = (&view.tasks[a as usize], &view.tasks[b as usize]);
-        // Of two that took no time the one that was called first.
-        first
-            .end
-            .is_some_and(|end| end < second.start || (end == second.start && a < b && !view.is_above(a, b)))
-    }
     match (task_arg(call, 0), task_arg(call, 1)) {
         (TaskArg::None, _) | (_, TaskArg::None) => Ok(Found::No),
-        (TaskArg::Task(a), TaskArg::Task(b)) => Call::test(is_before(&call.view.tree, a, b)),
+        (TaskArg::Task(a), TaskArg::Task(b)) => Call::test(call.view.tree.is_before(a, b)),
         (TaskArg::Task(_), TaskArg::Free) => Ok(several_tasks(1, call.view.tree.all(), 0, |call, b| {
             let TaskArg::Task(a) = task_arg(call, 0) else { return Ok(false) };
-            Ok(is_before(&call.view.tree, a, b))
+            Ok(call.view.tree.is_before(a, b))
         })),
         (TaskArg::Free, TaskArg::Task(_)) => Ok(several_tasks(0, call.view.tree.all(), 0, |call, a| {
             let TaskArg::Task(b) = task_arg(call, 1) else { return Ok(false) };
-            Ok(is_before(&call.view.tree, a, b))
+            Ok(call.view.tree.is_before(a, b))
         })),
-        (TaskArg::Free, TaskArg::Free) => Ok(pairs(is_before)),
+        (TaskArg::Free, TaskArg::Free) => Ok(pairs(TreeView::is_before)),
     }
 }
 

@@ -15,9 +15,10 @@ use rustc_hash::FxHashMap;
 use crate::code::Program;
 use crate::path::{Path, PathStep};
 use crate::tree::{NodeKind, ROOT, RecId, SlotId, Status, Tree};
-use crate::value::{Imm, Map, Symbol, Value};
+use crate::value::{Imm, Map, Obj, Symbol, Value};
 
 use super::index::hash_value;
+use super::overlay::overlay;
 
 /// What is known of a task.
 #[derive(Debug, Clone, Default)]
@@ -28,7 +29,7 @@ pub struct Task {
     pub name: Symbol,
     /// `plan`, `action`, `branch`, `top-level`
     pub kind: &'static str,
-    /// What became of it, the edits included that have been made since.
+    /// What became of it.
     pub status: &'static str,
     /// Parameters of a plan, properties of an action.
     pub params: Vec<(Symbol, Value)>,
@@ -46,14 +47,28 @@ pub struct Task {
     pub end: Option<f64>,
     /// Each run of it.
     pub attempts: Vec<Attempt>,
-    /// The words of the edits on it.
+    /// The edits on it.
     pub edits: Vec<Value>,
+    /// Those of them that were added after it ran.
+    pub pending: Vec<Value>,
+    /// An edit puts it there: it has not run.
+    pub(super) inserted: bool,
+    /// When it would be performed, where an edit changes that, in seconds.
+    pub(super) moved: Option<f64>,
     /// `kind` and `status` as symbols.
-    words: (Symbol, Symbol),
+    pub(super) words: (Symbol, Symbol),
     /// Its rank among siblings of its name, from 1.
-    call: u32,
+    pub(super) call: u32,
     /// One past the number of the last task below.
-    below: u32,
+    pub(super) below: u32,
+}
+
+impl Task {
+    /// When it was called; nothing if it has not run.
+    #[must_use]
+    pub fn started(&self) -> Option<f64> {
+        (!self.inserted).then_some(self.start)
+    }
 }
 
 /// One run of a task.
@@ -121,6 +136,8 @@ pub struct TreeView {
     all: OnceCell<Rc<Vec<u32>>>,
     /// Tasks on which edits stand, in their order.
     edited: Vec<u32>,
+    /// In which order tasks are performed, if edits have changed that: for each its position.
+    order: Vec<u32>,
 }
 
 /// The values of properties, each once.
@@ -163,11 +180,24 @@ impl TreeView {
         if tasks.is_empty() {
             tasks.push(Task { name: Symbol::from("top-level"), kind: "top-level", ..Task::default() });
         }
+        let overlaid = overlay(&mut tasks);
+        let order = match overlaid {
+            Some(overlaid) => {
+                tasks = overlaid.tasks;
+                overlaid.order
+            }
+            None => Vec::new(),
+        };
         let mut calls: FxHashMap<(u32, Symbol), u32> = FxHashMap::default();
-        for task in tasks.iter_mut().skip(1) {
+        let mut rank = |task: &mut Task| {
             let call = calls.entry((task.parent, task.name)).or_insert(0);
             *call += 1;
             task.call = *call;
+        };
+        tasks.iter_mut().skip(1).filter(|task| !task.inserted).for_each(&mut rank);
+        // What edits insert has ranks after those of the tasks that have run: their paths stay.
+        if !order.is_empty() {
+            tasks.iter_mut().filter(|task| task.inserted).for_each(&mut rank);
         }
         for at in (0..tasks.len()).rev() {
             let below = tasks[at].below.max(at as u32 + 1);
@@ -187,7 +217,7 @@ impl TreeView {
                 *value = values.all[number as usize].clone();
             }
         }
-        TreeView { tasks, edited, values, ..TreeView::default() }
+        TreeView { tasks, edited, values, order, ..TreeView::default() }
     }
 
     /// The tree of a run, as it is now.
@@ -309,6 +339,17 @@ impl TreeView {
         self.tasks[task as usize].words
     }
 
+    /// True if the first task had ended when the second was called, or would have with the edits on the tree.
+    #[must_use]
+    pub fn is_before(&self, a: u32, b: u32) -> bool {
+        let (first, second) = (&self.tasks[a as usize], &self.tasks[b as usize]);
+        let (end, start) = (first.moved.or(first.end), second.moved.unwrap_or(second.start));
+        let place = |task: u32| self.order.get(task as usize).copied().unwrap_or(task);
+        // Of two that took no time the one that was called first.
+        let is_first = || place(a) < place(b) && !self.is_above(a, b);
+        end.is_some_and(|end| end < start || (end == start && is_first()))
+    }
+
     /// True if an edit stands on the task or on one below.
     #[must_use]
     pub fn is_edited(&self, task: u32) -> bool {
@@ -358,18 +399,18 @@ fn task(program: &Program, tree: &Tree, slot: SlotId, rec: RecId, parent: u32, a
     let params = crate::show::params(program, tree, rec);
     let written = crate::show::written_params(program, tree, rec);
     let written = written.map(|params| properties(record.kind, params));
-    let edits: Vec<Value> = tree
-        .edits_of(slot)
-        .iter()
-        .map(|id| Value::new(crate::value::Obj::Edit(Box::new((*tree.edits[*id as usize - 1].edit).clone()))))
-        .collect();
+    let edit = |id: &u32| Value::new(Obj::Edit(Box::new((*tree.edits[*id as usize - 1].edit).clone())));
+    let edits: Vec<Value> = tree.edits_of(slot).iter().map(edit).collect();
+    let pending = tree.pending_edits_of(slot).iter().map(edit).collect();
     let end = |status: Status, ns: u64| status.is_final().then(|| seconds(ns));
-    let failed = record.status == Status::Failed;
+    // That of an evaporated task is the failure of its clean-up.
+    let failed =
+        matches!(record.status, Status::Failed | Status::Evaporated) && record.value.as_failure().is_some();
     Task {
         parent,
         name: tree.slot(slot).name,
         kind: record.kind.word(),
-        status: overlay(record.status, tree, slot).word(),
+        status: record.status.word(),
         params: properties(record.kind, params),
         written,
         grounded: extra.and_then(|it| it.grounded.clone()),
@@ -390,24 +431,13 @@ fn task(program: &Program, tree: &Tree, slot: SlotId, rec: RecId, parent: u32, a
             })
             .collect(),
         edits,
+        pending,
+        inserted: false,
+        moved: None,
         words: Default::default(),
         call: 0,
         below: 0,
     }
-}
-
-/// What a task would be now, with the edits that have been made since it ran.
-fn overlay(status: Status, tree: &Tree, slot: SlotId) -> Status {
-    use crate::edit::What;
-    if status != Status::Succeeded {
-        return status;
-    }
-    let edits = tree.edits_of(slot).iter().map(|id| &tree.edits[*id as usize - 1].edit.what);
-    edits.fold(status, |status, what| match what {
-        What::Skip(_) => Status::Skipped,
-        What::Defer(_) if status != Status::Skipped => Status::Deferred,
-        _ => status,
-    })
 }
 
 /// The properties of a description, or the parameters of a plan.
