@@ -181,7 +181,7 @@ impl Engine {
             return Some(Err(Box::new(Failure::new(Builtin::ProgramError, message))));
         }
         let args = self.store.list(args, Cell::NIL);
-        let name = Cell::Imm(Imm::Symbol(Symbol::from(*name)));
+        let name = Cell::Imm(Imm::Symbol(Symbol::from(name)));
         Some(Ok(Goal::Predicate(solver, vec![Cell::int(scope.into()), name, args])))
     }
 }
