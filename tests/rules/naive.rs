@@ -405,7 +405,7 @@ fn native(name: &str, args: &[Tree], known: &Known) -> Option<Answer> {
     let it = full(&args[0], known);
     let holds = match (name, &it) {
         ("bound?", it) => !matches!(it, Tree::Var(_)),
-        ("unbound?", it) => matches!(it, Tree::Var(_)),
+        ("unbound?" | "var?", it) => matches!(it, Tree::Var(_)),
         ("ground?", it) => {
             let mut vars = Vec::new();
             variables(it, &mut vars);
