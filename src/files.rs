@@ -60,7 +60,7 @@ impl Files {
         let key = path.canonicalize().map_or_else(|_| name.clone(), |full| full.display().to_string());
         let folder = path.parent().map(Path::to_path_buf);
         let file = self.push(&name, text.clone(), folder);
-        Ok(Source { file, text, key })
+        Ok(Source { file, text, key, library: false })
     }
 
     /// Reads a program of the user's. Prolog text is one that uses its rules and does nothing else.
@@ -75,7 +75,7 @@ impl Files {
         let folder = path.parent().map(Path::to_path_buf);
         let file = self.push(&format!("the rules of {}", path.display()), text.clone(), folder);
         let key = format!("{}#rules", path.display());
-        Ok(Source { file, text, key })
+        Ok(Source { file, text, key, library: false })
     }
 
     /// Line and column, from 1, of a byte in a file.
@@ -158,7 +158,7 @@ impl Loader for Files {
         let mut library = stdlib::MODULES.iter().chain(stdlib::PLANS).chain(world::MODULES);
         if let Some((_, text)) = library.find(|(module, _)| *module == name) {
             let file = self.push(&format!("library/{name}.plan"), (*text).to_string(), None);
-            return Ok(Source { file, text: (*text).to_string(), key: name.into() });
+            return Ok(Source { file, text: (*text).to_string(), key: name.into(), library: true });
         }
         let folder = self.get(from).and_then(|file| file.folder.clone()).unwrap_or_default();
         let has_ending = name.ends_with(".plan") || name.ends_with(".pl");

@@ -4,7 +4,6 @@
 //! where it stands, as in `tree[3].status`.
 
 use serde_json::Value as Json;
-use vm::edit::What;
 use vm::failure::{Builtin, Failure, FailureTypes, Task as Raiser};
 use vm::rules::view::{Attempt, Task, TreeView};
 use vm::tree::{NodeKind, Status};
@@ -172,15 +171,14 @@ impl<'a> Node<'a> {
         }
         let kind = self.word("kind", NodeKind::ALL, NodeKind::word)?;
         let last = self.attempt()?;
-        let failed = last.status == Status::Failed.word();
-        let edits = self.each("edits", |it| it.edit())?;
+        let failed = self.get("failure").is_some();
         let attempts = self.each("attempts", |it| it.attempt())?;
         Ok(Task {
             // Who reads the list knows it.
             parent: 0,
             name: Symbol::from(self.text("name")?),
             kind: kind.word(),
-            status: overlay(self.status()?, &edits).word(),
+            status: self.status()?.word(),
             params: properties(kind, self.params("params")?),
             written: match self.get("written-params") {
                 Some(_) => Some(properties(kind, self.params("written-params")?)),
@@ -192,7 +190,8 @@ impl<'a> Node<'a> {
             start: last.start,
             end: last.end,
             attempts: if attempts.is_empty() { vec![last] } else { attempts },
-            edits,
+            edits: self.each("edits", |it| it.edit())?,
+            pending: self.each("pending", |it| it.edit())?,
         })
     }
 
@@ -248,20 +247,4 @@ fn properties(kind: NodeKind, params: Vec<(Symbol, Value)>) -> Vec<(Symbol, Valu
         }
         _ => params.into_iter().filter(|param| !vm::code::is_pattern(&param.0)).collect(),
     }
-}
-
-/// What a task would be now, with the edits that have been made since it ran.
-fn overlay(status: Status, edits: &[Value]) -> Status {
-    if status != Status::Succeeded {
-        return status;
-    }
-    let edits = edits.iter().filter_map(|edit| match edit.obj() {
-        Some(Obj::Edit(edit)) => Some(&edit.what),
-        _ => None,
-    });
-    edits.fold(status, |status, what| match what {
-        What::Skip(_) => Status::Skipped,
-        What::Defer(_) if status != Status::Skipped => Status::Deferred,
-        _ => status,
-    })
 }

@@ -191,7 +191,7 @@ fn path(steps: &[Form]) -> Option<Value> {
             Some(_) => None,
         };
     let steps: Option<Vec<PathStep>> = steps.iter().map(step).collect();
-    Some(Value::new(Obj::Path(Box::new(Path { steps: steps? }))))
+    Some(Value::new(Obj::Path(Box::new(Path::new(steps?)))))
 }
 
 /// The text with each mark `#<…>` as a string.

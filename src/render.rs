@@ -132,6 +132,9 @@ pub fn failure(files: &Files, failure: &Value) -> String {
         if let Some(place) = it.place {
             let _ = writeln!(out, "{indent}  at {}", files.show(place));
         }
+        if let Some(place) = it.within {
+            let _ = writeln!(out, "{indent}  from {}", files.show(place));
+        }
     }
     out
 }
@@ -144,7 +147,8 @@ pub fn failure_in_source(files: &Files, failure: &Value, style: Style) -> String
         // What stops a run between two instructions may have no place.
         let place = it.place.filter(|place| *place != vm::Place::default());
         let source = place.and_then(|place| files.get(grammar::FileId(place.file)));
-        let shown = ShownFailure { lead, failure: it, in_source: source.is_some() };
+        let within = it.within.map(|place| files.show(place));
+        let shown = ShownFailure { lead, failure: it, in_source: source.is_some(), within };
         out += &match source {
             Some(file) => in_file(file, &shown, style),
             None => draw(&shown, None, style),
@@ -186,6 +190,8 @@ struct ShownFailure<'a> {
     lead: &'static str,
     failure: &'a Failure,
     in_source: bool,
+    /// Where in the library it comes from.
+    within: Option<String>,
 }
 
 impl std::fmt::Debug for ShownFailure<'_> {
@@ -201,6 +207,9 @@ impl std::fmt::Display for ShownFailure<'_> {
         }
         for (key, value) in other_fields(self.failure) {
             write!(f, "\n{key}: {}", vm::print::brief(value))?;
+        }
+        if let Some(within) = &self.within {
+            write!(f, "\nfrom {within}")?;
         }
         Ok(())
     }

@@ -279,7 +279,8 @@ impl Session {
     /// Loads a text as the user's program.
     pub fn load_text(&mut self, name: &str, text: &str) -> Loaded {
         let file = self.files.add(name, text);
-        let source = compiler::Source { file, text: text.into(), key: format!("{name}#{}", file.0) };
+        let key = format!("{name}#{}", file.0);
+        let source = compiler::Source { file, text: text.into(), key, library: false };
         let Session { files, front, machine, .. } = self;
         let loaded = front.load(&mut machine.program, files, &source);
         self.module = self.front.module_of(&source.key).unwrap_or(self.module);

@@ -234,34 +234,20 @@ fn compare_with_swipl(theme: Theme, seeds: std::ops::Range<u64>) {
     });
 }
 
-#[test]
-fn control_as_the_oracle_has_it() {
-    compare_with_naive(Theme::Control, 0..10);
+/// Random programs of a theme have the same answers elsewhere.
+macro_rules! same_answers {
+    ($($name:ident = $elsewhere:ident($theme:ident, $seeds:expr);)+) => {
+        $(#[test] fn $name() { $elsewhere(Theme::$theme, $seeds); })+
+    };
 }
 
-#[test]
-fn tables_as_the_oracle_has_them() {
-    compare_with_naive(Theme::Tabling, 100..105);
-}
-
-#[test]
-fn joins_as_the_oracle_has_them() {
-    compare_with_naive(Theme::Joins, 200..205);
-}
-
-#[test]
-fn control_as_in_prolog() {
-    compare_with_swipl(Theme::Control, 1000..1010);
-}
-
-#[test]
-fn tables_as_in_prolog() {
-    compare_with_swipl(Theme::Tabling, 1100..1105);
-}
-
-#[test]
-fn joins_as_in_prolog() {
-    compare_with_swipl(Theme::Joins, 1200..1205);
+same_answers! {
+    control_as_the_oracle_has_it = compare_with_naive(Control, 0..10);
+    tables_as_the_oracle_has_them = compare_with_naive(Tabling, 100..105);
+    joins_as_the_oracle_has_them = compare_with_naive(Joins, 200..205);
+    control_as_in_prolog = compare_with_swipl(Control, 1000..1010);
+    tables_as_in_prolog = compare_with_swipl(Tabling, 1100..1105);
+    joins_as_in_prolog = compare_with_swipl(Joins, 1200..1205);
 }
 
 /// A loop that makes terms and forgets them does not grow, also with a choice before it.

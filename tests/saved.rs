@@ -65,6 +65,27 @@ fn difference(session: &mut Session, reader: &Reader) -> Option<String> {
     })
 }
 
+/// Edits that have been added to a tree since it ran are part of what rules see.
+#[test]
+fn edits_that_wait_are_saved_with_the_tree() {
+    let reader = Reader::default();
+    let mut session = Program::read(Path::new("tests/run/rules/overlay.plan")).session();
+    let mut output = String::new();
+    let loaded = session.extend("input", "edited");
+    let value = loaded.init.into_iter().map(|it| session.call(it, Vec::new(), &mut output)).last();
+    let value = value.expect("there is an expression").expect("it has a value");
+    let tree = value.as_tree().expect("it is a tree");
+    let program = &session.machine.program;
+    let json = vm::show::json(program, tree).to_string();
+    let live = Rc::new(TreeView::of(program, tree));
+    let saved = session.tree_of_json(&json).expect("it is a tree");
+    for goal in GOALS.iter().chain(&["(before ?one ?other)", "(task-status ?task planned)"]) {
+        let one = answers(&mut session, &reader, goal, Some(live.clone()));
+        assert_eq!(one, answers(&mut session, &reader, goal, Some(saved.clone())), "{goal}");
+    }
+    assert_eq!(answers(&mut session, &reader, "(task-status ?task planned)", Some(saved)).len(), 5);
+}
+
 #[test]
 fn saved_trees_answer_as_live_ones() {
     let reader = Reader::default();

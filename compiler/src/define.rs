@@ -250,6 +250,9 @@ impl Compiler<'_> {
                 return None;
             }
         };
+        if source.library {
+            self.program.library.insert(source.file.0);
+        }
         if let Some(start) = self.loading.iter().position(|key| *key == source.key) {
             let mut chain: Vec<&str> = self.loading[start..].iter().map(|key| short_name(key)).collect();
             chain.push(short_name(&source.key));

@@ -46,6 +46,8 @@ pub struct Source {
     pub text: String,
     /// What tells it from other files: using it twice loads it once.
     pub key: String,
+    /// It belongs to the library: what fails in it is shown where the user's text called it.
+    pub library: bool,
 }
 
 /// Finds the files that programs use.
@@ -347,7 +349,10 @@ impl Front {
         };
         let loaded = match self.loaded.contains_key(&source.key) {
             true => Loaded::default(),
-            false => self.load(program, loader, &source),
+            false => {
+                program.library.insert(source.file.0);
+                self.load(program, loader, &source)
+            }
         };
         if let Some(module) = self.loaded.get(&source.key) {
             self.modules.prelude.push(*module);

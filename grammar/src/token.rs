@@ -171,13 +171,10 @@ impl<'t> Lexer<'t> {
         }
     }
 
-    /// A mark of byte order is no text, and a first line `#!…` is for the shell.
     fn skip_preamble(&mut self) {
-        if self.text.starts_with('\u{feff}') {
-            self.raw.bump('\u{feff}'.len_utf8());
-        } else if self.text.starts_with("#!") {
-            let end = line_end(self.text);
-            self.raw.bump(end);
+        let (end, is_comment) = preamble(self.text);
+        self.raw.bump(end);
+        if is_comment {
             self.comments.push(Comment { span: self.span(0, end), block: false });
         }
     }
@@ -339,6 +336,16 @@ impl<'t> Lexer<'t> {
         self.report.push(ParseError::Character { text, at: self.span(start, end), help });
         Token::Invalid
     }
+}
+
+/// The length of what stands before the first token: a mark of byte order, or a first line for the shell,
+/// which is a comment.
+pub(crate) fn preamble(text: &str) -> (usize, bool) {
+    if text.starts_with('\u{feff}') {
+        return ('\u{feff}'.len_utf8(), false);
+    }
+    let is_comment = text.starts_with("#!");
+    (if is_comment { line_end(text) } else { 0 }, is_comment)
 }
 
 /// Offset of the end of the first line.

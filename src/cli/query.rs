@@ -121,8 +121,7 @@ pub fn run(it: Query) -> Answer {
         Ended::Errors(reports) => return Ok(errors(&session, &it, &reports)),
         Ended::NotLoaded(failure) => {
             term::complain("error: the file could not be loaded: one of its top-level forms failed\n");
-            failed(&session, &it, &failure, Vec::new());
-            return Ok(ERRORS);
+            return failed(&session, &it, &failure, Vec::new()).map(|_| ERRORS);
         }
         Ended::Stopped => return Ok(INTERRUPTED),
         // What became of the plan can be asked.
@@ -172,10 +171,7 @@ fn ask(session: &mut Session, it: &Query, tree: Option<Rc<TreeView>>) -> Answer 
                 more = false;
                 break;
             }
-            Err(failure) => {
-                failed(session, it, &failure, answers);
-                return Ok(FAILED);
-            }
+            Err(failure) => return failed(session, it, &failure, answers),
         };
         more = !answer.is_last;
         match it.json {
@@ -203,10 +199,7 @@ fn ask(session: &mut Session, it: &Query, tree: Option<Rc<TreeView>>) -> Answer 
 fn explain(session: &mut Session, it: &Query, question: &mut Question) -> Answer {
     let explained = match session.explain(question) {
         Ok(explained) => explained,
-        Err(failure) => {
-            failed(session, it, &failure, Vec::new());
-            return Ok(FAILED);
-        }
+        Err(failure) => return failed(session, it, &failure, Vec::new()),
     };
     match it.json {
         true => {
@@ -238,10 +231,7 @@ fn explanation_json(session: &Session, part: &Explanation) -> Json {
 fn plan(session: &mut Session, it: &Query, question: &mut Question) -> Answer {
     let steps = match session.plan_of(question) {
         Ok(steps) => steps,
-        Err(failure) => {
-            failed(session, it, &failure, Vec::new());
-            return Ok(FAILED);
-        }
+        Err(failure) => return failed(session, it, &failure, Vec::new()),
     };
     if it.json {
         let steps: Vec<Json> = steps
@@ -290,10 +280,11 @@ fn errors(session: &Session, it: &Query, reports: &[Report]) -> u8 {
 }
 
 /// Shows why there are no more answers.
-fn failed(session: &Session, it: &Query, failure: &Value, answers: Vec<Json>) {
+fn failed(session: &Session, it: &Query, failure: &Value, answers: Vec<Json>) -> Answer {
     if it.json {
         let failure = json::failure(&session.files, &session.machine.program, failure);
         term::say(&format!("{}\n", json!({"answers": answers, "more": false, "failure": failure})));
     }
     term::complain(&run::failure_text(session, failure));
+    Ok(FAILED)
 }

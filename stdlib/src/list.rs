@@ -1,6 +1,7 @@
 //! Lists as cells: first element and rest. What also works on vectors is in `sequence`.
 
-use vm::native::{Raise, arithmetic_error, index, list, number, range_error, too_large, type_error};
+use vm::machine::Part;
+use vm::native::{Next, Raise, arithmetic_error, index, list, number, range_error, too_large, type_error};
 use vm::value::Value;
 
 use crate::limit;
@@ -15,10 +16,10 @@ natives! {
     "range" [1 3] => range;
     "iota" [1] => range;
 
-    "first" [1] => |args: &[Value]| first(&args[0]);
-    "car" [1] => |args: &[Value]| first(&args[0]);
-    "rest" [1] => |args: &[Value]| rest(&args[0]);
-    "cdr" [1] => |args: &[Value]| rest(&args[0]);
+    "first" [1] in ctx => |_ctx, args| part(args, Part::First, first);
+    "car" [1] in ctx => |_ctx, args| part(args, Part::First, first);
+    "rest" [1] in ctx => |_ctx, args| part(args, Part::Rest, rest);
+    "cdr" [1] in ctx => |_ctx, args| part(args, Part::Rest, rest);
     "second" [1] => |args: &[Value]| first(&after(1, &args[0])?);
     "cadr" [1] => |args: &[Value]| first(&after(1, &args[0])?);
     "third" [1] => |args: &[Value]| first(&after(2, &args[0])?);
@@ -110,6 +111,14 @@ fn float_range(start: f64, end: f64, step: f64) -> Result<Value, Raise> {
 
 // ---------------------------------------------------------------------------------------------
 // Parts
+
+/// Of a stream of answers somebody has to look for them.
+fn part(args: &[Value], part: Part, of_list: fn(&Value) -> Result<Value, Raise>) -> Result<Next, Raise> {
+    match args[0].is_stream() {
+        true => Ok(Next::Part(args[0].clone(), part)),
+        false => of_list(&args[0]).map(Next::Return),
+    }
+}
 
 pub(crate) fn first(list: &Value) -> Result<Value, Raise> {
     match list.as_pair() {

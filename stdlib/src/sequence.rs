@@ -5,7 +5,8 @@
 
 use std::collections::BTreeSet;
 
-use vm::native::{Raise, index, range_error, type_error};
+use vm::machine::Part;
+use vm::native::{Next, Raise, index, range_error, type_error};
 use vm::value::{Obj, Value};
 
 use crate::limit;
@@ -16,15 +17,19 @@ use crate::value::{key, same};
 
 natives! {
     "length" [1] => |args: &[Value]| length(&args[0]).map(|n| Value::int(n as i64));
-    "empty?" [1] => is_empty;
+    "empty?" [1] in ctx => |_ctx, args| match args[0].is_stream() {
+        true => Ok(Next::Part(args[0].clone(), Part::Empty)),
+        false => is_empty(args).map(Next::Return),
+    };
     "elt" [2] => element;
     "aref" [2] => element;
     "reverse" [1] => reverse;
     "append" [0 ..] => append;
     "slice" [2 3] => slice;
     "subseq" [2 3] => slice;
-    "take" [2] => take;
-    "drop" [2] => drop_first;
+    "%take" [2] => take;
+    "%drop" [2] => drop_first;
+    "stream?" [1] => |args: &[Value]| Ok(Value::bool(args[0].is_stream()));
     "zip" [1 ..] => zip;
     "union" [0 ..] => |args: &[Value]| union(args);
     "intersection" [2] => |args: &[Value]| keep_members(args, true);
@@ -56,7 +61,8 @@ pub(crate) fn like(model: &Value, items: Vec<Value>) -> Value {
 
 /// A list as it is, a vector as a list.
 fn to_list(value: &Value) -> Result<Value, Raise> {
-    if value.is_list() { Ok(value.clone()) } else { elements(value).map(Value::list) }
+    // A loop goes over a stream as over a list.
+    if value.is_list() || value.is_stream() { Ok(value.clone()) } else { elements(value).map(Value::list) }
 }
 
 /// A list that was made last element first, in order and of the kind of `model`.

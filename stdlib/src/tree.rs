@@ -206,7 +206,7 @@ fn make_path(args: &[Value]) -> Result<Value, Raise> {
         }
     };
     let steps = vm::native::list(&args[0])?.iter().map(step).collect::<Result<Vec<_>, Raise>>()?;
-    Ok(Value::new(Obj::Path(Box::new(Path { steps }))))
+    Ok(Value::new(Obj::Path(Box::new(Path::new(steps)))))
 }
 
 fn path_list(args: &[Value]) -> Result<Value, Raise> {

@@ -37,8 +37,9 @@ $ pleach doc with-task-suspended | head -1
 $ pleach doc first
 (first items)
   a function of the module list
-  The first element of a list; nil of the empty list.
+  The first element of a list or stream; nil of an empty one.
   ex: (first '(1 2 3)) => 1
+  ex: (first (query (member ?x (a b)))) => {?x a}
   ex: (first nil) => nil
   ex! (first 5) => type-error
 --- exit 0

@@ -284,7 +284,7 @@ impl<'p> Naive<'p> {
                 let args = self.terms(args, first);
                 Ok(self.call(*predicate, &args, known))
             }
-            GoalKind::CallValue(goal, more) => {
+            GoalKind::CallValue(goal, more, _) => {
                 let goal = full(&self.term(goal, first), known);
                 let mut parts = Vec::new();
                 let mut rest = if let Tree::Pair(_) = goal { goal } else { list([goal].into_iter()) };
@@ -405,7 +405,7 @@ fn native(name: &str, args: &[Tree], known: &Known) -> Option<Answer> {
     let it = full(&args[0], known);
     let holds = match (name, &it) {
         ("bound?", it) => !matches!(it, Tree::Var(_)),
-        ("unbound?", it) => matches!(it, Tree::Var(_)),
+        ("unbound?" | "var?", it) => matches!(it, Tree::Var(_)),
         ("ground?", it) => {
             let mut vars = Vec::new();
             variables(it, &mut vars);

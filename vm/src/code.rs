@@ -75,6 +75,8 @@ pub struct Program {
     pub failures: FailureTypes,
     /// The rules.
     pub rules: crate::rules::Rules,
+    /// The files of the library, by their numbers.
+    pub library: rustc_hash::FxHashSet<u32>,
     /// The function that says which plan performs a description, if a module provides one.
     pub ground: Option<FnId>,
     /// The function that was looked for last: most often it is the next one, too.

@@ -26,8 +26,10 @@ pub struct Failure {
     pub name: Symbol,
     /// What its type says it carries, in that order, then what the `fail` form added.
     pub fields: Vec<(Symbol, Value)>,
-    /// The form that raised it.
+    /// The form that raised it; if that is in the library, the one outside that called it.
     pub place: Option<Place>,
+    /// The form of the library that raised it.
+    pub within: Option<Place>,
     /// The task that raised it. Copies share it, which tells one event from another: see
     /// [`Failure::is_same_event`].
     pub task: Option<Rc<Task>>,
@@ -99,7 +101,7 @@ impl Failure {
     /// A failure of any type, not yet raised.
     #[must_use]
     pub fn of_type(kind: TypeId, name: Symbol, fields: Vec<(Symbol, Value)>) -> Failure {
-        Failure { kind, name, fields, place: None, task: None, cause: None, also: Vec::new() }
+        Failure { kind, name, fields, place: None, within: None, task: None, cause: None, also: Vec::new() }
     }
     /// A failure of one of the machine's own types with a message.
     #[must_use]

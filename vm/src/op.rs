@@ -164,9 +164,9 @@ ops! {
     Identical(d: u8, a: u8, b: u8);
     /// d = the cell of a and b.
     Cons(d: u8, a: u8, b: u8);
-    /// d = first element of the list a; nil of nil.
+    /// d = first element of the list or stream a; nil of nil.
     First(d: u8, a: u8);
-    /// d = the list a without its first element; nil of nil.
+    /// d = the list or stream a without its first element; nil of nil.
     Rest(d: u8, a: u8);
     /// d = the list of n registers from s.
     List(d: u8, s: u8, n: Count);

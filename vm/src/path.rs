@@ -41,6 +41,15 @@ impl PartialOrd for Path {
 }
 
 impl Path {
+    /// The path of these steps. The root, `top-level`, may be named at the start.
+    #[must_use]
+    pub fn new(mut steps: Vec<PathStep>) -> Path {
+        if steps.first().is_some_and(|step| step.name == "top-level" && step.call == 1) {
+            steps.remove(0);
+        }
+        Path { steps }
+    }
+
     /// As shown to people: `main / transporting :call 2 / fetching`.
     #[must_use]
     pub fn show(&self) -> String {

@@ -353,7 +353,7 @@ impl<'a> Printer<'a> {
     /// As a form that makes an equal path.
     fn path(&mut self, path: &Path) {
         if path.steps.is_empty() {
-            return self.put("(make-path nil)");
+            return self.put("(path top-level)");
         }
         self.put("(path");
         for step in &path.steps {

@@ -375,11 +375,14 @@ fn node_json(
     if let Some(extra) = extra.filter(|it| !it.notes.is_empty()) {
         node.insert("notes".into(), json!(extra.notes));
     }
-    let edits = tree.edits_of(slot).iter().map(|id| &tree.edits[*id as usize - 1].edit);
-    let edits: Vec<Json> =
-        edits.map(|edit| write(&Value::new(crate::value::Obj::Edit(Box::new((**edit).clone()))))).collect();
-    if !edits.is_empty() {
-        node.insert("edits".into(), Json::Array(edits));
+    for (key, ids) in [("edits", tree.edits_of(slot)), ("pending", tree.pending_edits_of(slot))] {
+        let edits = ids.iter().map(|id| &tree.edits[*id as usize - 1].edit);
+        let edits: Vec<Json> = edits
+            .map(|edit| write(&Value::new(crate::value::Obj::Edit(Box::new((**edit).clone())))))
+            .collect();
+        if !edits.is_empty() {
+            node.insert(key.into(), Json::Array(edits));
+        }
     }
     Json::Object(node)
 }

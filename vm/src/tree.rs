@@ -348,6 +348,8 @@ pub struct Tree {
     /// Counts changes: what was read of the tree holds as long as this stays the same.
     pub changes: u64,
     run: u32,
+    /// How many edits there were when the run began: those after them show in no record.
+    applied: u32,
     /// Slots from here on were made in this run.
     fresh_from: u32,
 }
@@ -365,6 +367,7 @@ impl Default for Tree {
             edits_at: Rc::default(),
             changes: 0,
             run: 0,
+            applied: 0,
             fresh_from: 0,
         };
         tree.forget();
@@ -392,6 +395,7 @@ impl Tree {
         self.params.clear();
         self.extras.clear();
         self.run += 1;
+        self.applied = self.edits.len() as u32;
         // A root without children is as new as what is made in this run.
         self.fresh_from = if self.has_children(ROOT) { self.slots.len as u32 } else { ROOT.0 };
         self.records.push(Record::default());
@@ -427,6 +431,7 @@ impl Tree {
             edits_at: self.edits_at.clone(),
             changes: 0,
             run: self.run,
+            applied: self.edits.len() as u32,
             fresh_from: self.fresh_from,
         }
     }
@@ -654,6 +659,13 @@ impl Tree {
     }
 
     // ------------------------------------------------------------------ edits
+
+    /// The same of those that have been added since the run began.
+    #[must_use]
+    pub fn pending_edits_of(&self, slot: SlotId) -> &[u32] {
+        let all = self.edits_of(slot);
+        &all[all.partition_point(|id| *id <= self.applied)..]
+    }
 
     /// Numbers of the edits at a slot, as positions in [`Tree::edits`] plus one.
     #[inline(always)]

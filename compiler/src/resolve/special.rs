@@ -247,7 +247,7 @@ fn path(it: &mut Compiler<'_>, _: &mut Scope, form: &Form, args: &[Form]) -> Exp
     if steps.is_empty() {
         return it.misshapen(form, "has no steps");
     }
-    Expr::new(ExprKind::Const(Value::new(Obj::Path(Box::new(Path { steps })))), form.span)
+    Expr::new(ExprKind::Const(Value::new(Obj::Path(Box::new(Path::new(steps))))), form.span)
 }
 
 // ---------------------------------------------------------------------------------------------

@@ -111,7 +111,8 @@ impl Compiler<'_> {
             goals => (0, goals),
         };
         let kind = self.conjunction(&mut rule, goals);
-        let body = Goal { kind, place: place(form.span) };
+        // What goes wrong in the only goal is shown there.
+        let body = Goal { kind, place: place(if let [goal] = goals { goal.span } else { form.span }) };
         let vars = rule.var_names();
         // Its clauses match descriptions that say more than their heads.
         let open = name == vm::rules::GROUNDING;

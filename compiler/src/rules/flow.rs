@@ -79,7 +79,12 @@ impl<'a> Flow<'a> {
             }
             GoalKind::ForAll(test, goal) => self.two(test, goal, &mut state.clone()),
             GoalKind::Call(predicate, args) => self.call(*predicate, args, at, state),
-            GoalKind::CallValue(goal, args) => state.may_bind(in_terms(args.iter().chain([&*goal]))),
+            GoalKind::CallValue(goal, args, _) => {
+                if let Term::Var(var) = goal {
+                    self.needs("call", &[*var], at, state);
+                }
+                state.may_bind(in_terms(args.iter().chain([&*goal])));
+            }
             GoalKind::Unify(a, b) => {
                 let (a, b) = (in_terms([&*a]), in_terms([&*b]));
                 let (left, right) = (state.has_all(&a), state.has_all(&b));
@@ -168,12 +173,24 @@ impl<'a> Flow<'a> {
     }
 
     fn negation(&mut self, goal: &mut Goal, open: &mut Vec<VarNo>, at: Place, state: &State) {
-        // To look whether two terms are the same needs no values.
-        let mut vars = if let GoalKind::Identical(..) = goal.kind { Vec::new() } else { in_goal(goal) };
+        // To look at variables themselves needs no values.
+        let mut vars = if self.only_looks(goal) { Vec::new() } else { in_goal(goal) };
         vars.retain(|var| self.around[*var as usize] > 0 && !state.sure[*var as usize]);
         self.needs("not", &vars, at, state);
         *open = vars;
         self.goal(goal, &mut state.clone());
+    }
+
+    /// True for a goal that looks at variables and gives none a value.
+    fn only_looks(&self, goal: &Goal) -> bool {
+        match &goal.kind {
+            GoalKind::Identical(..) => true,
+            GoalKind::Call(predicate, _) => {
+                let it = &self.program.rules.predicates[predicate.at()].declared;
+                it.kind == Kind::Native && vm::rules::control::binds_nothing(&it.name)
+            }
+            _ => false,
+        }
     }
 
     fn call(&mut self, predicate: PredId, args: &[Term], at: Place, state: &mut State) {

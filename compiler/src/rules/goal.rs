@@ -369,17 +369,20 @@ fn for_all(it: &mut Compiler<'_>, rule: &mut Rule, _: &Form, args: &[Form]) -> O
     Some(GoalKind::ForAll(test, goal))
 }
 
-/// `(call ?goal argument …)`. A goal that is written out is that goal with more arguments.
+/// `(call ?goal argument …)`. A goal that is written out is that goal with more arguments; `(%in scope goal)`,
+/// which the library writes, brings its scope along.
 fn call(it: &mut Compiler<'_>, rule: &mut Rule, form: &Form, args: &[Form]) -> Option<GoalKind> {
     let (goal, more) = args.split_first()?;
-    if goal.head().is_some_and(|head| !head.starts_with('?')) {
+    let brings_scope = goal.head().is_some_and(|head| head == "%in");
+    if !brings_scope && goal.head().is_some_and(|head| !head.starts_with('?')) {
         let items = goal.list().unwrap_or_default().iter().chain(more).cloned().collect();
         let goal = Form::new(FormKind::List(items), form.span);
         return Some(it.opaque(rule, "call", &goal).kind);
     }
     let goal = it.term(rule, goal);
     let more = it.terms(rule, more);
-    Some(GoalKind::CallValue(goal, more))
+    let scope = if brings_scope { u32::MAX } else { it.scope(rule.module) };
+    Some(GoalKind::CallValue(goal, more, scope))
 }
 
 /// What rules have in the place of a form of plans.

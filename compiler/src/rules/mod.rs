@@ -25,11 +25,12 @@ use rustc_hash::FxHashMap;
 use vm::code::Place;
 use vm::rules::Rules;
 use vm::rules::clause::{Clause, PredId, VarNo};
+use vm::rules::control::Scope;
 use vm::value::{Symbol, Value};
 
 use crate::Compiler;
 use crate::data::MOST_NESTED;
-use crate::module::{Found, Meaning, ModuleId};
+use crate::module::{Definition, Found, Meaning, ModuleId};
 
 /// The greatest number of arguments of a predicate.
 const MOST_ARGS: usize = 100;
@@ -193,9 +194,56 @@ impl Compiler<'_> {
         it
     }
 
+    /// The scope of goals that are only known when they run, for a clause of this module.
+    fn scope(&mut self, module: ModuleId) -> u32 {
+        self.program.rules.scopes.entry(module.0).or_default();
+        module.0
+    }
+
+    /// Says what names mean in goals that are only known when they run.
+    fn fill_scopes(&mut self) {
+        let mut modules: Vec<u32> = self.program.rules.scopes.keys().copied().collect();
+        if modules.is_empty() {
+            return;
+        }
+        modules.sort_unstable();
+        let as_rules_have_it = |key: Symbol| {
+            let (name, arity) = crate::module::predicate_key(key)?;
+            Some((Symbol::from(name), u8::try_from(arity).ok()?))
+        };
+        for module in modules {
+            let id = ModuleId(module);
+            let mut scope = Scope::default();
+            for key in self.modules.visible(id) {
+                let Some(name) = as_rules_have_it(key) else { continue };
+                let meant = match self.modules.look_up(id, key) {
+                    Found::One(Definition { meaning: Meaning::Predicate(predicate, _), .. }) => {
+                        Some(predicate)
+                    }
+                    Found::Two(..) => None,
+                    _ => continue,
+                };
+                scope.insert(name, meant);
+            }
+            self.program.rules.scopes.insert(module, scope);
+        }
+        let mut everywhere = Scope::default();
+        let names = self.modules.iter().flat_map(|(_, module)| &module.names);
+        for (key, definition) in names.filter(|(key, _)| !crate::module::is_private(**key)) {
+            if let (Some(name), Meaning::Predicate(predicate, _)) =
+                (as_rules_have_it(*key), &definition.meaning)
+            {
+                let known = everywhere.entry(name).or_insert(Some(*predicate));
+                *known = known.filter(|known| known == predicate);
+            }
+        }
+        self.program.rules.everywhere = everywhere;
+    }
+
     /// Makes rule code of the clauses that have changed.
     pub(crate) fn link_rules(&mut self) {
         const MOST: usize = 200;
+        self.fill_scopes();
         for place in self.program.rules.link() {
             let at = Span { file: grammar::FileId(place.file), start: place.start, end: place.end };
             self.error(crate::CompileError::ClauseTooLarge { limit: MOST, at });

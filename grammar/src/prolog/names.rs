@@ -82,6 +82,14 @@ impl Variables {
         self.taken.clear();
     }
 
+    /// A variable that nothing else in the clause means.
+    pub(super) fn new_one(&mut self) -> Symbol {
+        let number = (1..).find(|n| !self.taken.contains(&format!("?_{n}").as_str().into()));
+        let name: Symbol = format!("?_{}", number.unwrap_or(0)).as_str().into();
+        self.taken.insert(name);
+        name
+    }
+
     /// `?first-task` for `First_task`. An underscore at the start stays: who writes it says that the
     /// variable is there for nothing else than to have a name.
     pub(super) fn of(&mut self, text: Symbol) -> Symbol {

@@ -12,7 +12,7 @@ use crate::form::Symbol;
 use crate::literal::{self, QuotedFault, Word};
 use crate::parse::Comment;
 use crate::span::{FileId, Span};
-use crate::token::{Bracket, Report, line_end, show};
+use crate::token::{Bracket, Report, line_end, preamble, show};
 
 /// What Prolog text is made of.
 #[derive(Debug, Clone, PartialEq)]
@@ -114,12 +114,10 @@ impl<'t> Lexer<'t> {
         }
     }
 
-    /// A mark of byte order is no text, and a first line `#!…` is for the shell.
     fn skip_preamble(&mut self) {
-        if self.text.starts_with('\u{feff}') {
-            self.raw.bump('\u{feff}'.len_utf8());
-        } else if self.text.starts_with("#!") {
-            self.raw.bump(line_end(self.text));
+        let (end, is_comment) = preamble(self.text);
+        self.raw.bump(end);
+        if is_comment {
             self.comment(0, false);
         }
     }

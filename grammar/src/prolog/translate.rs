@@ -41,6 +41,8 @@ pub(super) struct Translator {
     tabled: HashSet<Predicate>,
     /// Commas in arguments around the term that is looked at.
     commas: usize,
+    /// The goal is one of `bagof`, which groups by its variables: those without a name, too.
+    grouping: bool,
 }
 
 /// Where a term stands, and in it the name that becomes the head of a list.
@@ -74,6 +76,7 @@ impl Translator {
             defined: HashSet::new(),
             tabled: HashSet::new(),
             commas: 0,
+            grouping: false,
         }
     }
 
@@ -269,7 +272,7 @@ impl Translator {
         let text = name.text.as_str();
         let defined = self.defined.contains(&(name.text, arguments.len()));
         Some(match (text, arguments) {
-            ("not", [goal]) => call("not", vec![self.goal(goal)], at),
+            ("not", [goal]) => call("not", vec![self.inside(false, |it| it.goal(goal))], at),
             ("call", [Term { kind: TermKind::Variable(_), .. }]) => {
                 call("call", self.all_data(arguments), at)
             }
@@ -284,17 +287,31 @@ impl Translator {
                 let member = call("member", self.all_data(arguments), at);
                 call("once", vec![member], at)
             }
-            ("forall", [condition, goal]) => call("forall", vec![self.goal(condition), self.goal(goal)], at),
+            ("forall", [condition, goal]) => {
+                let items = self.inside(false, |it| vec![it.goal(condition), it.goal(goal)]);
+                call("forall", items, at)
+            }
             ("findall", [template, goal, all]) => {
-                let items = vec![self.data(template), self.goal(goal), self.data(all)];
+                let template = self.inside(false, |it| it.data(template));
+                let goal = self.inside(false, |it| it.goal(goal));
+                let items = vec![template, goal, self.data(all)];
                 call("findall", items, at)
             }
             ("bagof" | "setof", [template, goal, all]) => {
-                let items = vec![self.data(template), self.quantified(goal), self.data(all)];
+                let template = self.inside(false, |it| it.data(template));
+                let items = vec![template, self.quantified(goal), self.data(all)];
                 call(text, items, at)
             }
             _ => return None,
         })
+    }
+
+    /// What is inside of a goal that groups by its variables, or of one that lets none out.
+    fn inside<T>(&mut self, grouping: bool, work: impl FnOnce(&mut Self) -> T) -> T {
+        let around = std::mem::replace(&mut self.grouping, grouping);
+        let done = work(self);
+        self.grouping = around;
+        done
     }
 
     /// `V^G` as `(exists (?v) g)`.
@@ -304,7 +321,7 @@ impl Translator {
             self.variables_of(variables, &mut bound);
             goal = rest;
         }
-        let form = self.goal(goal);
+        let form = self.inside(true, |it| it.goal(goal));
         if bound.is_empty() { form } else { call("exists", vec![list(bound, term.span), form], term.span) }
     }
 
@@ -339,7 +356,7 @@ impl Translator {
             (",", [_, _, ..]) => self.pairs(arguments, at.whole),
             (";", [_, _, ..]) => self.alternatives(arguments, place),
             ("->" | "*->", [test, then]) => call(text, self.both(test, then, place), at),
-            ("\\+", [goal]) => call("not", vec![self.part(goal, place)], at),
+            ("\\+", [goal]) => call("not", vec![self.inside(false, |it| it.part(goal, place))], at),
             ("\\=", [_, _]) => {
                 let same = call("==", self.all_data(arguments), at);
                 call("not", vec![same], at)
@@ -465,6 +482,9 @@ impl Translator {
 
     fn data(&mut self, term: &Term) -> Form {
         let kind = match &term.kind {
+            TermKind::Variable(name) if *name == "_" && self.grouping => {
+                FormKind::Symbol(self.variables.new_one())
+            }
             TermKind::Variable(name) => FormKind::Symbol(self.variables.of(*name)),
             TermKind::Atom(name) => return self.name(name),
             TermKind::Int(value) => FormKind::Int(*value),

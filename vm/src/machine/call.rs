@@ -123,6 +123,14 @@ impl Machine {
             }
             Op::IterStart(d, s) => self.iter_start(d, s),
             Op::IterNext(d, t) => self.next_answer(d, t),
+            Op::First(d, a) => {
+                let stream = self.reg(a).clone();
+                self.stream_part(d, &stream, super::Part::First)
+            }
+            Op::Rest(d, a) => {
+                let stream = self.reg(a).clone();
+                self.stream_part(d, &stream, super::Part::Rest)
+            }
             Op::CountStart(d, s) => {
                 let count = self.reg(s).clone();
                 crate::native::int(&count)?;

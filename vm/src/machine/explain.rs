@@ -8,6 +8,7 @@ use crate::code::Place;
 use crate::host::Host;
 use crate::native::{Raise, type_error};
 use crate::rules::clause::{Clause, Declared, Goal, GoalKind, Kind, PredId, Term};
+use crate::rules::control;
 use crate::rules::engine::Engine;
 use crate::rules::show;
 use crate::rules::tree::determined_by;
@@ -18,6 +19,8 @@ use super::{Machine, Query};
 
 /// How deep reasons are asked for.
 const DEPTH: usize = 6;
+/// Variables without names that a called goal can have in an explanation.
+const FREE: usize = 20;
 /// How many clauses and facts are named for one goal.
 const MOST: usize = 5;
 
@@ -296,6 +299,27 @@ impl Machine {
                 Ok(parts)
             }
             GoalKind::Once(inner) => self.why_not_part(host, inner, clause, view, depth),
+            GoalKind::CallValue(called, more, scope) if depth > 1 => {
+                // Variables without names are new ones of the clause.
+                let free = clause.vars.len() as u16..(clause.vars.len() + FREE) as u16;
+                let names = (0..FREE).map(|n| crate::value::Symbol::from(&format!("?_{n}")));
+                let clause =
+                    &Clause { vars: clause.vars.iter().copied().chain(names).collect(), ..clause.clone() };
+                let rules = &self.program.rules;
+                match control::written_out(rules, called, more, *scope, goal.place, &free) {
+                    Some(kind @ GoalKind::And(_)) => {
+                        let body = Goal { kind, place: goal.place };
+                        let row = Clause { head: Vec::new(), body, ..clause.clone() };
+                        let blame = self.blame(host, &row, &[], view, depth - 1)?;
+                        Ok(blame.map(|blame| blame.explanation.parts).unwrap_or_default())
+                    }
+                    Some(kind) => {
+                        let written = Goal { kind, place: goal.place };
+                        self.why_not_part(host, &written, clause, view, depth - 1)
+                    }
+                    None => Ok(Vec::new()),
+                }
+            }
             _ => Ok(Vec::new()),
         }
     }

@@ -170,10 +170,12 @@ pub(super) fn run<const OWES: bool>(
                 Op::Cons(d, a, b) => set!(d, Value::cons(at!(a).clone(), at!(b).clone())),
                 Op::First(d, a) => match at!(a).as_pair() {
                     Some((first, _)) => set!(d, first.clone()),
+                    None if at!(a).is_stream() => break 'window Out::Slow(op),
                     None => set!(d, try_op!(end_of_list(&at!(a)))),
                 },
                 Op::Rest(d, a) => match at!(a).as_pair() {
                     Some((_, rest)) => set!(d, rest.clone()),
+                    None if at!(a).is_stream() => break 'window Out::Slow(op),
                     None => set!(d, try_op!(end_of_list(&at!(a)))),
                 },
                 Op::Closure(d, s, f) => {

@@ -83,6 +83,8 @@ pub enum Part {
     Rest,
     /// Whether there is an answer.
     More,
+    /// Whether there is none.
+    Empty,
 }
 
 /// What is in force for a while in a task and its branches, the newest first.
@@ -187,7 +189,7 @@ impl Machine {
             let mut left = SLICE.min(self.limits.fuel.saturating_sub(self.steps));
             let given = left;
             let step = engine.run(&self.program, &mut left).map_err(|mut raise| {
-                raise.place = raise.place.or_else(|| engine.place(&self.program));
+                engine.say_where(&self.program, &mut raise);
                 Value::new(Obj::Failure(raise))
             });
             self.steps += given - left;
@@ -289,7 +291,7 @@ impl Machine {
             let step = match step {
                 Ok(step) => step,
                 Err(mut raise) => {
-                    raise.place = raise.place.or_else(|| solve.engine.place(&self.program));
+                    solve.engine.say_where(&self.program, &mut raise);
                     self.top().drivers.push(Driver::Solve(solve));
                     return Err(raise);
                 }
@@ -414,10 +416,20 @@ impl Machine {
 }
 
 impl Engine {
-    /// Where in the source it stands.
-    fn place(&self, program: &crate::code::Program) -> Option<crate::code::Place> {
-        let pc = self.pc().checked_sub(1)?;
-        program.rules.places.get(Pc(pc).at()).copied().filter(|place| place.end > 0)
+    /// Notes where in the source it stands, and where a rule outside of the library does.
+    fn say_where(&self, program: &crate::code::Program, raise: &mut Raise) {
+        if raise.place.is_some() {
+            return;
+        }
+        let mut places = self.goes_on_at().filter_map(|pc| {
+            program.rules.places.get(Pc(pc.checked_sub(1)?).at()).copied().filter(|place| place.end > 0)
+        });
+        raise.place = places.next();
+        if raise.place.is_some_and(|place| program.library.contains(&place.file))
+            && let Some(place) = places.find(|place| !program.library.contains(&place.file))
+        {
+            (raise.place, raise.within) = (Some(place), raise.place);
+        }
     }
 }
 
@@ -425,10 +437,10 @@ fn part_of(state: &State, stream: &Value, part: Part) -> Option<Value> {
     Some(match (state, part) {
         (State::Answer(first, _), Part::First) => first.clone(),
         (State::Answer(_, rest), Part::Rest) => rest.clone(),
-        (State::Answer(..), Part::More) => Value::TRUE,
+        (State::Answer(..), Part::More) | (State::End, Part::Empty) => Value::TRUE,
         (State::End, Part::First) => Value::NIL,
         (State::End, Part::Rest) => stream.clone(),
-        (State::End, Part::More) => Value::FALSE,
+        (State::End, Part::More) | (State::Answer(..), Part::Empty) => Value::FALSE,
         _ => return None,
     })
 }

@@ -54,6 +54,13 @@ impl Machine {
         if raise.place.is_none() {
             raise.place = self.place_of_frame();
         }
+        if let Some(place) = raise.place.filter(|place| self.program.library.contains(&place.file))
+            && let Some(caller) = self.place_of_user()
+        {
+            // Code that the machine makes itself stands nowhere.
+            raise.within = Some(place).filter(|place| place.end > 0);
+            raise.place = Some(caller);
+        }
         if raise.task.is_none() {
             let run = self.top();
             let slot = run.tree.record(run.record(run.here)).slot;
@@ -67,6 +74,16 @@ impl Machine {
         let pcs = std::iter::once(run.pc).chain(run.frames.iter().rev().map(|frame| frame.pc));
         let pc = pcs.filter(|pc| *pc != RESUME).find(|pc| *pc > 0)?;
         self.program.places.get(pc as usize - 1).copied()
+    }
+
+    /// The place outside of the library that the innermost frame of the user's text stands at.
+    fn place_of_user(&self) -> Option<Place> {
+        const FRAMES: usize = 1000;
+        let run = &self.runs[self.runs.len() - 1];
+        let pcs = std::iter::once(run.pc).chain(run.frames.iter().rev().map(|frame| frame.pc));
+        let pcs = pcs.take(FRAMES).filter(|pc| *pc != RESUME && *pc > 0);
+        let mut places = pcs.filter_map(|pc| self.program.places.get(pc as usize - 1).copied());
+        places.find(|place| place.end > 0 && !self.program.library.contains(&place.file))
     }
 
     /// Looks for a handler or clean-up around the program counter of the running frame. Gives the

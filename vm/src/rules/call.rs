@@ -7,14 +7,13 @@
 use std::rc::Rc;
 
 use crate::code::{Pc, Program};
-use crate::failure::{Builtin, Failure};
 use crate::native::Raise;
-use crate::value::Imm;
 
 use super::Rules;
 use super::choice::Alternative;
 use super::clause::PredId;
-use super::engine::{Engine, WINDOW, too_large};
+use super::control::Goal;
+use super::engine::{Engine, WINDOW};
 use super::index::{FactRows, Facts, Selected};
 use super::live::Live;
 use super::native::{Call, Found};
@@ -178,47 +177,22 @@ impl Engine {
         true
     }
 
-    /// `(call goal more…)`: finds the predicate of the goal and puts its arguments in place.
+    /// `(call goal more…)`, in a window with the goal and `n` more arguments: finds the predicate of the goal and
+    /// puts its arguments in place.
     pub(super) fn call_value(
         &mut self,
         program: &Program,
-        window: u8,
-        n: u8,
+        (window, n): (u8, u8),
         most: u8,
+        scope: u32,
     ) -> Result<bool, Raise> {
         let at = self.base as usize + window as usize;
-        let mut args = Vec::new();
-        let goal = self.store.open(self.stack[at]);
-        let mut rest = match goal {
-            Cell::Pair(pair) => {
-                args.push(self.store.heap[pair as usize]);
-                self.store.heap[pair as usize + 1]
-            }
-            _ => {
-                args.push(goal);
-                Cell::NIL
-            }
-        };
-        loop {
-            rest = self.store.open(rest);
-            let Cell::Pair(pair) = rest else { break };
-            args.push(self.store.heap[pair as usize]);
-            rest = self.store.heap[pair as usize + 1];
-            if args.len() > 250 {
-                break;
-            }
-        }
-        args.extend_from_slice(&self.stack[at + 1..at + 1 + usize::from(n)]);
-        let name = match self.store.deref(args.remove(0)) {
-            Cell::Imm(Imm::Symbol(name)) => name,
-            other => {
-                let value = self.store.export(other, &self.view).map_err(too_large)?;
-                return Err(crate::native::type_error("a goal", &value));
-            }
-        };
-        let Some(predicate) = program.rules.find(name, args.len()) else {
-            let message = format!("there is no predicate `{name}` of {} arguments", args.len());
-            return Err(Box::new(Failure::new(Builtin::ProgramError, message)));
+        let goal = self.stack[at];
+        let more = self.stack[at + 1..at + 1 + usize::from(n)].to_vec();
+        let (predicate, args) = match self.goal(&program.rules, goal, &more, scope)? {
+            Goal::True => return Ok(true),
+            Goal::False => return Ok(false),
+            Goal::Predicate(predicate, args) => (predicate, args),
         };
         let above = (self.base + u32::from(most)).max(self.top);
         self.move_args(at, above as usize, 0);

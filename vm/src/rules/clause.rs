@@ -148,8 +148,9 @@ pub enum GoalKind {
     Once(Box<Goal>),
     /// `(p ?x b)`
     Call(PredId, Vec<Term>),
-    /// `(call ?goal ?more …)`: a goal that is only known when it is run, with more arguments.
-    CallValue(Term, Vec<Term>),
+    /// `(call ?goal ?more …)`: a goal that is only known when it is run, with more arguments, in a scope of
+    /// [`super::Rules::scopes`].
+    CallValue(Term, Vec<Term>, u32),
     /// `(== a b)`
     Unify(Term, Term),
     /// `(matches pattern value)`: the value's descriptions may say more.
@@ -326,7 +327,7 @@ impl Goal {
                 }
             }
             GoalKind::Call(_, args) => args.iter().for_each(|it| it.each_var(visit)),
-            GoalKind::CallValue(goal, args) => {
+            GoalKind::CallValue(goal, args, _) => {
                 goal.each_var(visit);
                 args.iter().for_each(|it| it.each_var(visit));
             }
@@ -417,7 +418,9 @@ impl Goal {
             },
             GoalKind::Once(goal) => GoalKind::Once(Box::new(goal.map(change))),
             GoalKind::Call(predicate, args) => GoalKind::Call(*predicate, terms(args, change)),
-            GoalKind::CallValue(goal, args) => GoalKind::CallValue(goal.map(change), terms(args, change)),
+            GoalKind::CallValue(goal, args, scope) => {
+                GoalKind::CallValue(goal.map(change), terms(args, change), *scope)
+            }
             GoalKind::Unify(a, b) => GoalKind::Unify(a.map(change), b.map(change)),
             GoalKind::Matches(a, b) => GoalKind::Matches(a.map(change), b.map(change)),
             GoalKind::Identical(a, b) => GoalKind::Identical(a.map(change), b.map(change)),

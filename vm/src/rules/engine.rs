@@ -212,10 +212,16 @@ impl Engine {
         (!self.started).then_some((PredId(self.result), inputs))
     }
 
-    /// The instruction after the one that it does.
-    #[must_use]
-    pub fn pc(&self) -> u32 {
-        self.pc
+    /// The instruction after the one that it does, then those where the clauses around go on, up to a limit.
+    pub fn goes_on_at(&self) -> impl Iterator<Item = u32> {
+        const FRAMES: usize = 1000;
+        let mut frame = self.frame;
+        let frames = std::iter::from_fn(move || {
+            let it = self.frames.get(frame as usize).filter(|_| frame != 0)?;
+            frame = it.parent;
+            Some(it.pc)
+        });
+        std::iter::once(self.pc).chain(frames.take(FRAMES))
     }
 
     /// Memory in use, in bytes.

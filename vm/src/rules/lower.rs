@@ -99,7 +99,8 @@ pub fn lower(rules: &mut Rules, clause: &Clause) -> Result<Lowered, TooManyVaria
     it.clause()?;
     let most = it.most;
     for at in std::mem::take(&mut it.sized) {
-        if let RuleOp::Try(n, _) | RuleOp::Call(_, n, _) | RuleOp::CallValue(_, _, n) = &mut rules.code[at] {
+        if let RuleOp::Try(n, _) | RuleOp::Call(_, n, _) | RuleOp::CallValue(_, _, n, _) = &mut rules.code[at]
+        {
             *n = most;
         }
     }
@@ -191,20 +192,7 @@ impl Lowering<'_> {
                 let constant = self.constant(value);
                 self.emit(RuleOp::GetConst(register, constant));
             }
-            Term::Pair(first, rest) => {
-                let (mut later, saved) = (Vec::new(), self.next);
-                let first = self.part(first, &mut later)?;
-                let rest = self.part(rest, &mut later)?;
-                self.emit(match (first, rest) {
-                    (Part::First(first), Part::First(rest)) => RuleOp::GetParts(register, first, rest),
-                    (Part::Same(first), Part::First(rest)) => RuleOp::GetRest(register, first, rest),
-                    _ => RuleOp::GetPair(register, first, rest),
-                });
-                for (register, term) in later {
-                    self.get(register, term)?;
-                }
-                self.next = saved;
-            }
+            Term::Pair(..) => self.get_list(register, term)?,
             Term::Vector(_) | Term::Map(_) | Term::Desc(..) => {
                 let (template, values) = self.template(term);
                 let saved = self.next;
@@ -216,6 +204,39 @@ impl Lowering<'_> {
                 self.next = saved;
             }
         }
+        Ok(())
+    }
+
+    /// The register must hold a list: its cells are looked at one after another, and each rest of it is in
+    /// the same register as the one before.
+    fn get_list(&mut self, register: u8, list: &Term) -> Lower {
+        let saved = self.next;
+        let (mut list, mut cell, mut rest_register) = (list, register, None);
+        while let Term::Pair(first, rest) = list {
+            let (mut later, before) = (Vec::new(), self.next);
+            let is_end = !matches!(**rest, Term::Pair(..));
+            if !is_end && rest_register.is_none() {
+                rest_register = Some(self.temp()?);
+            }
+            let inner = self.next;
+            let first = self.part(first, &mut later)?;
+            let next = match rest_register {
+                Some(next) if !is_end => Part::First(next),
+                _ => self.part(rest, &mut later)?,
+            };
+            self.emit(match (first, next) {
+                (Part::First(first), Part::First(next)) => RuleOp::GetParts(cell, first, next),
+                (Part::Same(first), Part::First(next)) => RuleOp::GetRest(cell, first, next),
+                _ => RuleOp::GetPair(cell, first, next),
+            });
+            for (register, term) in later {
+                self.get(register, term)?;
+            }
+            self.next = if is_end { before } else { inner };
+            cell = rest_register.unwrap_or(cell);
+            list = rest;
+        }
+        self.next = saved;
         Ok(())
     }
 
@@ -604,10 +625,10 @@ impl Lowering<'_> {
                 );
                 self.sized.push(at);
             }
-            GoalKind::CallValue(callee, args) => {
+            GoalKind::CallValue(callee, args, scope) => {
                 let all: Vec<Term> = std::iter::once(callee.clone()).chain(args.iter().cloned()).collect();
                 let window = self.window(&all)?;
-                let at = self.emit_at(RuleOp::CallValue(window, args.len() as u8, 0), goal);
+                let at = self.emit_at(RuleOp::CallValue(window, args.len() as u8, 0, *scope), goal);
                 self.sized.push(at);
             }
             GoalKind::Unify(a, b) => self.unify(a, b)?,

@@ -11,6 +11,7 @@ mod call;
 mod choice;
 pub mod clause;
 mod collect;
+pub mod control;
 mod copies;
 pub mod engine;
 mod gc;
@@ -22,6 +23,7 @@ mod moves;
 pub mod native;
 pub mod nearest;
 pub mod op;
+mod overlay;
 pub mod plan;
 mod segment;
 pub mod show;
@@ -35,6 +37,8 @@ pub mod view;
 pub mod why;
 
 use std::rc::Rc;
+
+use rustc_hash::FxHashMap;
 
 use clause::{Clause, Declared, Kind, PredId};
 use index::{ClauseIndex, Facts};
@@ -88,7 +92,14 @@ pub struct Rules {
     pub(crate) look_ups: [Option<PredId>; 2],
     /// Goals over trees that are answered together: see [`join`].
     pub joins: Vec<Rc<Join>>,
-    constant_index: rustc_hash::FxHashMap<u64, Vec<u32>>,
+    constant_index: FxHashMap<u64, Vec<u32>>,
+    /// The predicate that solves goals of the language which are only known when they run.
+    solver: Option<PredId>,
+    /// What names in such goals mean, by the number of the module whose clause calls them: for those
+    /// modules that do. The compiler fills it.
+    pub scopes: FxHashMap<u32, control::Scope>,
+    /// What they mean where that is not known.
+    pub everywhere: control::Scope,
     /// Predicates that have changed since they were compiled.
     changed: Vec<PredId>,
 }
@@ -110,7 +121,10 @@ impl Default for Rules {
             collect_from: COLLECT_FROM,
             look_ups: [None; 2],
             joins: Vec::new(),
-            constant_index: rustc_hash::FxHashMap::default(),
+            solver: None,
+            scopes: FxHashMap::default(),
+            everywhere: control::Scope::default(),
+            constant_index: FxHashMap::default(),
             changed: Vec::new(),
         };
         // The goals of joins come first, so that their numbers follow from their arguments.
@@ -205,6 +219,9 @@ impl Rules {
         }
         if it.name == GOAL && it.arity == 2 && self.goal.is_none() {
             self.goal = Some(id);
+        }
+        if (it.name.as_str(), it.arity) == control::SOLVER && self.solver.is_none() {
+            self.solver = Some(id);
         }
         match (it.name.as_str(), it.arity, it.kind) {
             ("subtask-with", 4, Kind::Native) => self.look_ups[0] = Some(id),

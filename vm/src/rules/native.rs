@@ -110,6 +110,7 @@ impl<'a> Call<'a> {
 pub const TABLE: &[(&str, u8, NativeRule)] = &[
     ("bound?", 1, |call| Call::test(call.is_bound(0))),
     ("unbound?", 1, |call| Call::test(!call.is_bound(0))),
+    ("var?", 1, |call| Call::test(!call.is_bound(0))),
     ("ground?", 1, |call| {
         let vars = call.store.variables(call.arg(0)).map_err(too_large)?;
         Call::test(vars.is_empty())
@@ -122,6 +123,9 @@ pub const TABLE: &[(&str, u8, NativeRule)] = &[
     }),
     ("compare", 3, compare),
     ("property", 3, property),
+    ("%free-variables", 3, super::control::free_variables),
+    ("%closed", 1, super::control::closed),
+    ("%no-expression", 1, super::control::no_expression),
 ];
 
 /// The predicate of this name.

@@ -95,8 +95,8 @@ pub enum RuleOp {
     Execute(u8, PredId),
     /// The same where the arguments are in the first registers already.
     ExecuteHere(PredId),
-    /// Solve the goal in w, with n more arguments after it. The clause uses m registers.
-    CallValue(u8, u8, u8),
+    /// Solve the goal in w, with n more arguments after it, in scope s. The clause uses m registers.
+    CallValue(u8, u8, u8, u32),
     /// d = the result of function f for the n arguments from w; leaves the loop.
     CallFun(u8, u8, u8, FnId),
     /// The clause holds.
@@ -185,7 +185,7 @@ impl RuleOp {
                 range(w, arity(predicate));
             }
             RuleOp::ExecuteHere(predicate) => range(0, arity(predicate)),
-            RuleOp::CallValue(w, n, _) => range(w, n + 1),
+            RuleOp::CallValue(w, n, ..) => range(w, n + 1),
             RuleOp::CallFun(_, w, n, _) => range(w, n),
             RuleOp::Groups(w, _) => range(w, 2),
             RuleOp::TableAnswer => range(0, 2),

@@ -156,7 +156,10 @@ impl<'a> Text<'a> {
                 self.nested(if *soft { "*->" } else { "->" }, goals);
             }
             GoalKind::Call(predicate, args) => self.call(*predicate, args),
-            GoalKind::CallValue(goal, more) => self.with_terms("call", std::iter::once(goal).chain(more)),
+            GoalKind::CallValue(goal, more, _) => match super::control::without_scope(goal) {
+                Some(goal) => self.term(&goal),
+                None => self.with_terms("call", std::iter::once(goal).chain(more)),
+            },
             GoalKind::Unify(a, b) => self.with_terms("==", [a, b]),
             GoalKind::Matches(a, b) => self.with_terms("matches", [a, b]),
             GoalKind::Identical(a, b) => self.with_terms("identical?", [a, b]),

@@ -1,7 +1,7 @@
 //! The loop: one instruction of a clause after another.
 
 use crate::arith;
-use crate::code::Program;
+use crate::code::{FnId, Program};
 use crate::failure::{Builtin, Failure};
 use crate::native::Raise;
 use crate::value::{Imm, Value};
@@ -391,21 +391,24 @@ impl Engine {
                         }
                         continue 'window;
                     }
-                    RuleOp::CallValue(window, n, most) => {
+                    RuleOp::CallValue(window, n, most, scope) => {
                         before_call!();
                         self.pc = pc as u32;
-                        if !self.call_value(program, window, n, most)? {
+                        if !self.call_value(program, (window, n), most, scope)? {
                             break;
                         }
                         continue 'window;
                     }
                     RuleOp::CallFun(d, window, n, function) => {
-                        let mut args = Vec::with_capacity(n.into());
+                        let (mut args, mut vars) = (Vec::with_capacity(n.into()), Vec::new());
                         for i in 0..usize::from(n) {
                             let cell = w[(window as usize + i) & 255];
-                            args.push(store.export(cell, &self.view).map_err(too_large)?);
+                            args.push(store.export_with(cell, &self.view, &mut vars).map_err(too_large)?);
                         }
                         self.pc = pc as u32;
+                        if !vars.is_empty() {
+                            return Err(no_value(program, function));
+                        }
                         self.result = base as u32 + u32::from(d);
                         return Ok(Out::Step(Step::Call(function, args)));
                     }
@@ -538,6 +541,15 @@ impl ExactDiv for i64 {
     fn checked_exact_div(self, other: i64) -> Option<i64> {
         if self.checked_rem(other)? == 0 { Some(self / other) } else { None }
     }
+}
+
+fn no_value(program: &Program, function: FnId) -> Raise {
+    let name = program.functions.get(function.at()).map_or("a function", |it| it.name.as_str());
+    let name = if name.starts_with('%') { "an expression" } else { name };
+    let message = format!(
+        "a variable that `{name}` is computed from has no value yet: put the goal that gives it one before"
+    );
+    Box::new(Failure::new(Builtin::UnboundVariable, message))
 }
 
 fn floundering(var: &Value) -> Raise {

@@ -746,7 +746,7 @@ fn free_name(n: usize) -> Symbol {
     Symbol::from(&format!("?_{n}"))
 }
 
-fn free_number(name: Symbol) -> Option<usize> {
+pub(super) fn free_number(name: Symbol) -> Option<usize> {
     name.strip_prefix("?_")?.parse().ok()
 }
 

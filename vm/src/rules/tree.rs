@@ -58,7 +58,7 @@ pub const TABLE: &[(&str, u8, NativeRule)] = &[
     ("task-value", 2, |call| functional(call, |view, task| Some(view.value(task)))),
     ("task-failure", 2, |call| functional(call, TreeView::failure)),
     ("task-grounded", 2, |call| functional(call, TreeView::grounded)),
-    ("task-start", 2, |call| functional(call, |view, task| Some(Value::float(view.start(task))))),
+    ("task-start", 2, |call| functional(call, |view, task| view.started(task).map(Value::float))),
     ("task-end", 2, |call| functional(call, |view, task| view.end(task).map(Value::float))),
     ("task-path", 2, path),
     ("task-robot", 2, |call| functional(call, |_, _| None)),

@@ -22,6 +22,7 @@ use crate::value::{Imm, Map, Obj, Symbol, Value};
 
 use super::index::hash_value;
 use super::join::Order;
+use super::overlay::{Planned, overlay};
 
 /// What is known of a task, to make a tree of.
 #[derive(Debug, Clone, Default)]
@@ -32,7 +33,7 @@ pub struct Task {
     pub name: Symbol,
     /// `plan`, `action`, `branch`, `top-level`
     pub kind: &'static str,
-    /// What became of it, the edits included that have been made since.
+    /// What became of it.
     pub status: &'static str,
     /// Parameters of a plan, properties of an action.
     pub params: Vec<(Symbol, Value)>,
@@ -50,8 +51,10 @@ pub struct Task {
     pub end: Option<f64>,
     /// Each run of it.
     pub attempts: Vec<Attempt>,
-    /// The words of the edits on it.
+    /// The edits on it.
     pub edits: Vec<Value>,
+    /// Those of them that were added after it ran.
+    pub pending: Vec<Value>,
 }
 
 /// One run of a task.
@@ -272,6 +275,8 @@ pub struct TreeView {
     rare: BTreeMap<u32, Rare>,
     /// Tasks on which edits stand, in their order.
     edited: Vec<u32>,
+    /// When tasks would be performed, if edits have changed that; else nothing.
+    planned: Vec<Planned>,
     values: RefCell<Values>,
     columns: RefCell<FxHashMap<Attr, Rc<Column>>>,
     all: OnceCell<Rc<Vec<u32>>>,
@@ -335,7 +340,8 @@ impl TreeView {
         if tasks.is_empty() {
             tasks.push(Task { name: Symbol::from("top-level"), kind: "top-level", ..Task::default() });
         }
-        let mut view = TreeView::default();
+        let planned = overlay(&mut tasks);
+        let mut view = TreeView { planned, ..TreeView::default() };
         let mut words: FxHashMap<&'static str, Symbol> = FxHashMap::default();
         let mut word = |text: &'static str| *words.entry(text).or_insert_with(|| Symbol::from(text));
         for (number, task) in (0..).zip(tasks) {
@@ -377,16 +383,50 @@ impl TreeView {
         let words = Words::new();
         let attempts = attempts(tree);
         let mut todo = vec![(ROOT, 0)];
-        let mut children = Vec::new();
+        let (mut children, mut pending) = (Vec::new(), Vec::new());
         while let Some((slot, parent)) = todo.pop() {
             let Some(rec) = tree.shown(slot) else { continue };
             let number = view.rows.len() as u32;
             view.add(program, tree, &words, &attempts, (slot, rec, parent));
+            let added = tree.pending_edits_of(slot);
+            if !added.is_empty() {
+                pending.push((number, edits(tree, added)));
+            }
             tree.children_into(slot, &mut children);
             todo.extend(children.iter().rev().map(|child| (*child, number)));
         }
         view.close();
-        view
+        if pending.is_empty() {
+            return view;
+        }
+        let mut tasks: Vec<Task> = (0..view.len() as u32).map(|task| view.task(task)).collect();
+        for (task, edits) in pending {
+            tasks[task as usize].pending = edits;
+        }
+        TreeView::new(tasks)
+    }
+
+    /// What a tree is made of.
+    fn task(&self, task: u32) -> Task {
+        let row = &self.rows[task as usize];
+        let kind = NodeKind::ALL.iter().find(|kind| row.kind == kind.word());
+        let rare = self.rare.get(&task);
+        Task {
+            parent: row.parent,
+            name: row.name,
+            kind: kind.map_or("", |kind| kind.word()),
+            status: status(row),
+            params: self.params(task),
+            written: rare.and_then(|it| it.written.clone()),
+            grounded: self.grounded(task),
+            value: self.value(task),
+            failure: self.failure(task),
+            start: row.start,
+            end: self.end(task),
+            attempts: self.attempts(task),
+            edits: self.edits(task).to_vec(),
+            pending: Vec::new(),
+        }
     }
 
     /// A row for a slot with its record, below another row.
@@ -400,7 +440,6 @@ impl TreeView {
     ) {
         let number = self.rows.len() as u32;
         let record = tree.record(rec);
-        let status = overlay(record.status, tree, slot);
         let args = self.args.len() as u32;
         let is_desc = crate::show::each_param(program, tree, rec, &mut |name, value| {
             self.args.push((name, value.clone()));
@@ -408,26 +447,22 @@ impl TreeView {
         if let Some(call) = tree.extra(rec).and_then(|it| it.grounded.clone()) {
             self.grounded.push((number, call));
         }
-        let edits = tree.edits_of(slot);
-        if !edits.is_empty() {
+        let on_it = tree.edits_of(slot);
+        if !on_it.is_empty() {
             self.edited.push(number);
         }
         let all = attempts.get(&slot);
-        let is_single = all.is_none() && status == record.status;
-        if !is_single || tree.is_changed(rec) || !edits.is_empty() {
+        let is_single = all.is_none();
+        if !is_single || tree.is_changed(rec) || !on_it.is_empty() {
             let attempt = |rec: &RecId| attempt(tree, *rec);
             let all = all.map_or(std::slice::from_ref(&rec), Vec::as_slice);
-            let edit = |id: &u32| {
-                let edit = (*tree.edits[*id as usize - 1].edit).clone();
-                Value::new(Obj::Edit(Box::new(edit)))
-            };
             let written = crate::show::written_params(program, tree, rec);
             self.rare.insert(
                 number,
                 Rare {
                     written: written.map(|params| properties(record.kind, params)),
                     attempts: if is_single { Vec::new() } else { all.iter().map(attempt).collect() },
-                    edits: edits.iter().map(edit).collect(),
+                    edits: edits(tree, on_it),
                 },
             );
         }
@@ -436,14 +471,16 @@ impl TreeView {
             below: 0,
             name: tree.slot(slot).name,
             kind: words.kind(record.kind),
-            status: words.status(status),
+            status: words.status(record.status),
             value: record.value.clone(),
             start: seconds(record.start),
             end: if record.status.is_final() { seconds(record.end) } else { f64::NAN },
             args,
             count: (self.args.len() as u32 - args) as u16,
             is_desc,
-            failed: record.status == Status::Failed,
+            // That of an evaporated task is the failure of its clean-up.
+            failed: matches!(record.status, Status::Failed | Status::Evaporated)
+                && record.value.as_failure().is_some(),
             is_single,
         });
     }
@@ -606,10 +643,10 @@ impl TreeView {
         self.grounded.get(at).map(|it| it.1.clone())
     }
 
-    /// When it was called.
+    /// When it was called; nothing if an edit puts it there, so that it has not run.
     #[must_use]
-    pub fn start(&self, task: u32) -> f64 {
-        self.rows[task as usize].start
+    pub fn started(&self, task: u32) -> Option<f64> {
+        (!self.is_inserted(task)).then(|| self.rows[task as usize].start)
     }
 
     /// When it ended; nothing while it runs.
@@ -625,27 +662,33 @@ impl TreeView {
         if !row.is_single {
             return self.rare.get(&task).map(|it| it.attempts.clone()).unwrap_or_default();
         }
-        let status = Status::ALL.iter().find(|status| row.status == status.word());
         vec![Attempt {
-            status: status.map_or("", |status| status.word()),
+            status: status(row),
             value: row.value.clone(),
             start: row.start,
             end: self.end(task),
         }]
     }
 
-    /// The words of the edits on it.
+    /// The edits on it.
     #[must_use]
     pub fn edits(&self, task: u32) -> &[Value] {
         self.rare.get(&task).map_or(&[], |it| &it.edits)
     }
 
-    /// True if the first task had ended when the second was called.
+    /// True if the first task had ended when the second was called, or would have with the edits on the tree.
     #[must_use]
     pub fn is_before(&self, a: u32, b: u32) -> bool {
-        let (first, second) = (&self.rows[a as usize], &self.rows[b as usize]);
+        let moved = |task: u32| self.planned.get(task as usize).and_then(|it| it.moved);
+        let place = |task: u32| self.planned.get(task as usize).map_or(task, |it| it.place);
+        let end = moved(a).unwrap_or(self.rows[a as usize].end);
+        let start = moved(b).unwrap_or(self.rows[b as usize].start);
         // Of two that took no time the one that was called first.
-        first.end < second.start || (first.end == second.start && a < b && !self.is_above(a, b))
+        end < start || (end == start && place(a) < place(b) && !self.is_above(a, b))
+    }
+
+    fn is_inserted(&self, task: u32) -> bool {
+        self.planned.get(task as usize).is_some_and(|it| it.inserted)
     }
 
     /// True if the first task is above the second.
@@ -685,6 +728,14 @@ impl TreeView {
 
     // ------------------------------------------------------------------ paths
 
+    /// The tasks directly below one, in the order of their ranks. What edits insert has ranks after those of the
+    /// tasks that have run: their paths stay.
+    fn ranked(&self, task: u32) -> impl Iterator<Item = u32> {
+        let inserted = (!self.planned.is_empty()).then(|| self.children(task));
+        let inserted = inserted.into_iter().flatten().filter(|child| self.is_inserted(*child));
+        self.children(task).filter(|child| !self.is_inserted(*child)).chain(inserted)
+    }
+
     /// The rank of each task among siblings of its name, from 1.
     fn calls(&self) -> &[u32] {
         /// With so many siblings it pays to keep a table of their names.
@@ -696,7 +747,7 @@ impl TreeView {
             for above in 0..self.rows.len() as u32 {
                 seen.clear();
                 last.clear();
-                for child in self.children(above) {
+                for child in self.ranked(above) {
                     let name = self.name(child);
                     let before = match seen.len() < MANY {
                         true => seen.iter().rev().copied().find(|it| self.name(*it) == name),
@@ -746,7 +797,7 @@ impl TreeView {
                 continue;
             }
             let rank = (step.call as usize).checked_sub(1)?;
-            at = self.children(at).filter(|child| self.name(*child) == step.name).nth(rank)?;
+            at = self.ranked(at).filter(|child| self.name(*child) == step.name).nth(rank)?;
         }
         Some(at)
     }
@@ -813,18 +864,15 @@ fn attempt(tree: &Tree, rec: RecId) -> Attempt {
     }
 }
 
-/// What a task would be now, with the edits that have been made since it ran.
-fn overlay(status: Status, tree: &Tree, slot: SlotId) -> Status {
-    use crate::edit::What;
-    if status != Status::Succeeded {
-        return status;
-    }
-    let edits = tree.edits_of(slot).iter().map(|id| &tree.edits[*id as usize - 1].edit.what);
-    edits.fold(status, |status, what| match what {
-        What::Skip(_) => Status::Skipped,
-        What::Defer(_) if status != Status::Skipped => Status::Deferred,
-        _ => status,
-    })
+/// Edits as values.
+fn edits(tree: &Tree, numbers: &[u32]) -> Vec<Value> {
+    let edit = |number: &u32| (*tree.edits[*number as usize - 1].edit).clone();
+    numbers.iter().map(|number| Value::new(Obj::Edit(Box::new(edit(number))))).collect()
+}
+
+/// The word for what became of a task that has run.
+fn status(row: &Row) -> &'static str {
+    Status::ALL.iter().map(|status| status.word()).find(|word| row.status == *word).unwrap_or("")
 }
 
 /// The properties of a description, or the parameters of a plan.

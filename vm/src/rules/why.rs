@@ -134,17 +134,23 @@ impl Engine {
                 node.args.iter().map(|arg| self.store.export(*arg, &self.view).unwrap_or_default()).collect()
             };
             let args = values(node);
-            // What is private to a module is nobody's reason.
+            // What is private to a module is nobody's reason; the solver of goals only passes theirs on.
+            let is_solver = |predicate: PredId| program.rules.solver == Some(predicate);
             let is_public = |at: &&usize| {
                 let predicate = trace.nodes[**at].predicate;
-                !program.rules.predicates[predicate.at()].declared.name.starts_with('%')
+                is_solver(predicate)
+                    || !program.rules.predicates[predicate.at()].declared.name.starts_with('%')
             };
             let below: Vec<(PredId, Vec<Value>, Explanation)> = children[at]
                 .iter()
                 .filter(is_public)
-                .map(|at| {
-                    let node = &trace.nodes[*at];
-                    (node.predicate, values(node), std::mem::take(&mut done[*at]))
+                .flat_map(|at| {
+                    let (node, it) = (&trace.nodes[*at], std::mem::take(&mut done[*at]));
+                    let parts = match is_solver(node.predicate) {
+                        true => it.parts,
+                        false => vec![it],
+                    };
+                    parts.into_iter().map(|part| (node.predicate, values(node), part)).collect::<Vec<_>>()
                 })
                 .collect();
             let text = show::fact(program, node.predicate, &args);
