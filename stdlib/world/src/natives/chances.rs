@@ -16,7 +16,7 @@ use crate::nav::Place;
 use crate::places::{self, Distance};
 use crate::rehearse::{moved, rehearse, seen, sees};
 use crate::stands::{Item, stands};
-use crate::state::{State, Support};
+use crate::state::State;
 use crate::world::Motion;
 
 natives! {
