@@ -41,7 +41,10 @@ fn runs_end_well_or_honestly_and_actions_do_what_their_types_say() {
             match session.run(loaded, Some("main"), &mut printed) {
                 Ended::Ran(Ok(mistakes)) if mistakes.is_nil() => well += 1,
                 Ended::Ran(Ok(mistakes)) => {
-                    problems.push(format!("{example}, seed {seed}: {}", crate::program::text_of(&session, &mistakes)));
+                    problems.push(format!(
+                        "{example}, seed {seed}: {}",
+                        crate::program::text_of(&session, &mistakes)
+                    ));
                 }
                 Ended::Ran(Err(failure)) => {
                     let types = &session.machine.program.failures;

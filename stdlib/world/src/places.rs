@@ -31,6 +31,8 @@ const ASIDE_RAD: [f64; 5] = [0.0, 0.35, -0.35, 0.7, -0.7];
 const SPOT_M: f64 = 0.025;
 /// Room for fingers around what is put down, metres.
 const FINGERS_M: f64 = 0.03;
+/// So far beside a surface places to stand are looked for, metres.
+const BESIDE_M: f64 = 1.0;
 /// How far in front of the base the best place for putting is.
 const REACH_M: f64 = 0.6;
 /// How far off the edge the outline of a thing stays, metres.
@@ -80,7 +82,8 @@ pub fn to_stand(
             }
             let Some(place) = heading(&map, at, goal, unit(seed, k as u64)) else { continue };
             let apart = |other: &Place| {
-                (other.point() - at).norm() >= apart_m || turn_between(other.yaw, place.yaw).abs() >= APART_RAD
+                (other.point() - at).norm() >= apart_m
+                    || turn_between(other.yaw, place.yaw).abs() >= APART_RAD
             };
             if found.iter().all(apart) {
                 found.push(place);
@@ -116,7 +119,8 @@ pub fn to_put(
     let size = region(believed, on)?;
     let frame = region_pose(believed, on);
     let half = Vector2::new(size[0], size[1]) * 0.5;
-    let reachable = standing(state, maps)?;
+    let middle = frame.translation.vector.xy();
+    let reachable = standing(state, maps, middle, half.norm() + BESIDE_M)?;
     let mut around = obstacles(believed, object, on, &frame);
     around.retain(|it| it.touches(&Polygon::rectangle(-half, half).unwrap_or_else(|| it.clone())));
     let into_region = frame.inverse();
@@ -166,8 +170,9 @@ fn region(state: &State, on: Support) -> Result<[f64; 2], Trouble> {
         && !state.objects.contains_key(&object)
     {
         let name = state.support_name(on);
-        return Err(Trouble::new("no-room", format!("the robot does not know where `{name}` is"))
-            .name("place", name));
+        return Err(
+            Trouble::new("no-room", format!("the robot does not know where `{name}` is")).name("place", name)
+        );
     }
     let size = match on {
         Support::Surface(surface) => Some(scene.surfaces[surface.0].size),
@@ -190,12 +195,12 @@ fn region_pose(state: &State, on: Support) -> Isometry3<f64> {
     state.support_pose(on) * nalgebra::Translation3::from(at)
 }
 
-/// The edge of where the base can stand.
+/// The edge of where the base can stand, around a place.
 struct Standing {
     cells: Vec<Vector2<f64>>,
 }
 
-fn standing(state: &State, maps: &Maps) -> Result<Standing, Trouble> {
+fn standing(state: &State, maps: &Maps, middle: Vector2<f64>, most_m: f64) -> Result<Standing, Trouble> {
     machine(state)?;
     let map = maps.of(state);
     let grid = map.grid();
@@ -205,7 +210,8 @@ fn standing(state: &State, maps: &Maps) -> Result<Standing, Trouble> {
         let around = [cell.wrapping_sub(1), cell + 1, cell.wrapping_sub(grid.width), cell + grid.width];
         is_free(*cell) && around.into_iter().any(|other| other >= grid.len() || !is_free(other))
     };
-    Ok(Standing { cells: (0..grid.len()).filter(at_edge).map(|cell| grid.centre(cell)).collect() })
+    let cells = (0..grid.len()).filter(at_edge).map(|cell| grid.centre(cell));
+    Ok(Standing { cells: cells.filter(|at| (at - middle).norm() <= most_m).collect() })
 }
 
 impl Standing {

@@ -116,7 +116,6 @@ pub enum Ended {
     Failed(Trouble),
 }
 
-
 /// The world of a run.
 pub struct World {
     /// The truth.
@@ -131,6 +130,8 @@ pub struct World {
     pub now_ns: u64,
     /// What has happened, if anybody wants to know.
     pub recording: Option<Recording>,
+    /// Motions are only thought of: see [`Draws::hasty`].
+    pub hasty: bool,
     maps: Maps,
     running: BTreeMap<u64, Running>,
     ended: BTreeMap<u64, Ended>,
@@ -178,6 +179,7 @@ impl World {
             mode: Mode::default(),
             now_ns: 0,
             recording: None,
+            hasty: false,
             maps: Maps::default(),
             running: BTreeMap::new(),
             ended: BTreeMap::new(),
@@ -349,12 +351,13 @@ impl World {
     /// What a motion would come to.
     #[must_use]
     pub fn outcome(&self, motion: &Motion, now_ns: u64, seed: u64) -> Outcome {
-        let (state, mut draws) = (&self.state, Draws::new(seed));
+        let state = &self.state;
+        let mut draws = if self.hasty { Draws::hasty(seed) } else { Draws::new(seed) };
         match motion {
             Motion::Going(goals) => motions::base::going(state, goals, &self.maps, &mut draws),
             Motion::MovingTorso(position) => motions::joints::moving_torso(state, *position),
             Motion::Looking(at) => motions::joints::looking(state, at),
-            Motion::MovingArmJoints(arms) => motions::joints::moving_arm_joints(state, arms),
+            Motion::MovingArmJoints(arms) => motions::joints::moving_arm_joints(state, arms, &draws),
             Motion::MovingTcp(ways, around) => motions::tool::moving_tcp(state, ways, around, &mut draws),
             Motion::Gripping(arms, target) => motions::hand::gripping(state, arms, *target, &mut draws),
             Motion::Releasing(arms) => motions::hand::releasing(state, arms),

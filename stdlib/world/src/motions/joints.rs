@@ -7,7 +7,7 @@ use crate::robot::path::{Detour, joint_detour, joint_path};
 use crate::setting::Machine;
 use crate::state::{Around, Grip, State};
 
-use super::{Costs, Key, Outcome, Part, Surroundings, Track, Trouble, joint_time_s, machine};
+use super::{Costs, Draws, Key, Outcome, Part, Surroundings, Track, Trouble, joint_time_s, machine};
 
 /// Joints move by at most so much between two looks, radians or metres.
 const LOOK: f64 = 0.05;
@@ -39,16 +39,18 @@ fn torso(state: &State, position: f64) -> Result<Outcome, Trouble> {
         return Err(Trouble::new("hands-bound", message));
     }
     let to = with(&state.joints, &[(variable, position)]);
-    line(state, &to, "while the torso moves", true).map(|(track, _)| Outcome { track, ..Outcome::default() })
+    line(state, &to, "while the torso moves", Blocked::Fails)
+        .map(|(track, _)| Outcome { track, ..Outcome::default() })
 }
 
 /// An arm to a configuration, one number for each joint of its chain.
 #[must_use]
-pub fn moving_arm_joints(state: &State, arms: &[(usize, Vec<f64>)]) -> Outcome {
-    Outcome::of(arm_joints(state, arms), arms.iter().map(|(arm, _)| Part::Arm(*arm)).collect())
+pub fn moving_arm_joints(state: &State, arms: &[(usize, Vec<f64>)], draws: &Draws) -> Outcome {
+    let blocked = if draws.looks_around() { Blocked::GoesAround } else { Blocked::Leaps };
+    Outcome::of(arm_joints(state, arms, blocked), arms.iter().map(|(arm, _)| Part::Arm(*arm)).collect())
 }
 
-fn arm_joints(state: &State, arms: &[(usize, Vec<f64>)]) -> Result<Outcome, Trouble> {
+fn arm_joints(state: &State, arms: &[(usize, Vec<f64>)], blocked: Blocked) -> Result<Outcome, Trouble> {
     let machine = machine(state)?;
     let mut to = state.joints.to_vec();
     for (number, values) in arms {
@@ -71,14 +73,22 @@ fn arm_joints(state: &State, arms: &[(usize, Vec<f64>)]) -> Result<Outcome, Trou
         super::tool::is_free_to_move(state, *number)?;
         arm.chain.place(values, &mut to);
     }
-    let (track, leaps) = line(state, &to, "on the way", false)?;
+    let (track, leaps) = line(state, &to, "on the way", blocked)?;
     let costs = Costs { leaps, ..Costs::default() };
     Ok(Outcome { track, costs, ..Outcome::default() })
 }
 
-/// A line of joints, straight or around something, and how many leaps it takes: the end must be free, the straight way if it is
-/// `strict`.
-fn line(state: &State, to: &[f64], when: &str, strict: bool) -> Result<(Track, usize), Trouble> {
+/// What becomes of a motion whose straight way is blocked.
+#[derive(Clone, Copy)]
+enum Blocked {
+    Fails,
+    /// It leaps where no way around is found.
+    GoesAround,
+    Leaps,
+}
+
+/// A line of joints, straight or around something, and how many leaps it takes: the end must be free.
+fn line(state: &State, to: &[f64], when: &str, if_blocked: Blocked) -> Result<(Track, usize), Trouble> {
     let machine = machine(state)?;
     let mut around = Surroundings::new(machine, state.obstacles(&Around::default()), state.carried());
     if let Some(touch) = around.touch(&state.base, to) {
@@ -86,8 +96,11 @@ fn line(state: &State, to: &[f64], when: &str, strict: bool) -> Result<(Track, u
     }
     let blocked = match joint_path(&state.joints, to, LOOK, |at| around.touch(&state.base, at)) {
         Ok(()) => None,
-        Err((_, touch)) if strict => return Err(around.collision(&touch, when)),
-        Err(_) => Some(detour(state, &mut around, to)),
+        Err((_, touch)) => match if_blocked {
+            Blocked::Fails => return Err(around.collision(&touch, when)),
+            Blocked::GoesAround => Some(detour(state, &mut around, to)),
+            Blocked::Leaps => Some(None),
+        },
     };
     let (way, leaps) = match blocked {
         None => (vec![to.to_vec()], 0),

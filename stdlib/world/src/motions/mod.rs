@@ -183,13 +183,26 @@ impl std::ops::AddAssign for Costs {
 pub struct Draws {
     seed: u64,
     drawn: u64,
+    hasty: bool,
 }
 
 impl Draws {
     /// The numbers of a seed.
     #[must_use]
     pub fn new(seed: u64) -> Draws {
-        Draws { seed, drawn: 0 }
+        Draws { seed, drawn: 0, hasty: false }
+    }
+
+    /// The same for a motion that is only thought of: whether there is a way around something it leaves open.
+    #[must_use]
+    pub fn hasty(seed: u64) -> Draws {
+        Draws { hasty: true, ..Draws::new(seed) }
+    }
+
+    /// Whether ways around what blocks an arm are looked for: the most costly search of all.
+    #[must_use]
+    pub fn looks_around(&self) -> bool {
+        !self.hasty
     }
 
     /// In [0, 1).

@@ -128,7 +128,16 @@ fn tcp(
     if far.as_mut().is_some_and(|far| far.touch(&state.base, &state.joints).is_some()) {
         far = None;
     }
-    let mut search = Search { state, machine, ways, near, far, most, random: draws.seed() };
+    let mut search = Search {
+        state,
+        machine,
+        ways,
+        near,
+        far,
+        most,
+        random: draws.seed(),
+        detours: if draws.looks_around() { DETOURS } else { 0 },
+    };
     let (configurations, leaps) = search.run(closed)?;
     let (mut times, mut hand_m, mut from) = (Vec::new(), 0.0, state.joints.to_vec());
     for to in &configurations {
@@ -156,6 +165,8 @@ struct Search<'a> {
     /// How many via poses there are.
     most: usize,
     random: u64,
+    /// How many ways around what blocks the first line are looked for.
+    detours: usize,
 }
 
 /// Branches to which a way around something is looked for.
@@ -199,7 +210,7 @@ impl<'a> Search<'a> {
                 }
             }
         }
-        for configurations in blocked.iter().take(DETOURS) {
+        for configurations in blocked.iter().take(self.detours) {
             if let Some(mut way) = detour(self.state, self.around(0), &configurations[0]) {
                 way.extend(configurations.iter().skip(1).cloned());
                 return Ok((way, 0));
