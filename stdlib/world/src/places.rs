@@ -81,7 +81,8 @@ pub fn to_stand(
             }
             let Some(place) = heading(&map, at, goal, unit(seed, k as u64)) else { continue };
             let apart = |other: &Place| {
-                (other.point() - at).norm() >= apart_m || turn_between(other.yaw, place.yaw).abs() >= APART_RAD
+                (other.point() - at).norm() >= apart_m
+                    || turn_between(other.yaw, place.yaw).abs() >= APART_RAD
             };
             if found.iter().all(apart) {
                 found.push(place);
@@ -167,8 +168,9 @@ fn region(state: &State, on: Support) -> Result<[f64; 2], Trouble> {
         && !state.objects.contains_key(&object)
     {
         let name = state.support_name(on);
-        return Err(Trouble::new("no-room", format!("the robot does not know where `{name}` is"))
-            .name("place", name));
+        return Err(
+            Trouble::new("no-room", format!("the robot does not know where `{name}` is")).name("place", name)
+        );
     }
     let size = match on {
         Support::Surface(surface) => Some(scene.surfaces[surface.0].size),

@@ -110,8 +110,10 @@ pub fn seen(state: &State, points: &[Vector3<f64>]) -> Result<usize, Trouble> {
     let middle = points.iter().sum::<Vector3<f64>>() / points.len().max(1) as f64;
     let (turned, camera) = looking_at(state, &middle)?;
     let view = View::new(&turned);
-    let spot =
-        [PosedShape { pose: Isometry3::identity(), shape: Shape::Box { size: Vector3::repeat(2.0 * SPOT_M) } }];
+    let spot = [PosedShape {
+        pose: Isometry3::identity(),
+        shape: Shape::Box { size: Vector3::repeat(2.0 * SPOT_M) },
+    }];
     let is_seen = |point: &&Vector3<f64>| {
         let pose = Isometry3::translation(point.x, point.y, point.z + SPOT_M);
         view.sight_of(&pose, &spot, &camera).visible > 0.5

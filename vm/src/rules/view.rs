@@ -662,12 +662,7 @@ impl TreeView {
         if !row.is_single {
             return self.rare.get(&task).map(|it| it.attempts.clone()).unwrap_or_default();
         }
-        vec![Attempt {
-            status: status(row),
-            value: row.value.clone(),
-            start: row.start,
-            end: self.end(task),
-        }]
+        vec![Attempt { status: status(row), value: row.value.clone(), start: row.start, end: self.end(task) }]
     }
 
     /// The edits on it.
