@@ -6,9 +6,11 @@
 use std::rc::Rc;
 
 use vm::desc::Desc;
+use vm::edit::{Edit, What};
+use vm::path::Path;
 use vm::rules::View;
 use vm::rules::view::{Task, TreeView};
-use vm::value::{Symbol, Value};
+use vm::value::{Obj, Symbol, Value};
 
 use super::answers::End;
 use super::generate::Batch;
@@ -19,12 +21,13 @@ use crate::oracle::with_large_stack;
 const KEYS: [&str; 3] = ["location", "object", "arms"];
 const VALUES: [&str; 4] = ["left", "right", "a", "b"];
 const TYPES: [&str; 3] = ["fetching", "placing", "going"];
-const STATUS: [&str; 2] = ["succeeded", "failed"];
+const STATUS: [&str; 5] = ["succeeded", "failed", "skipped", "deferred", "planned"];
 
 fn tree(dice: &mut Dice) -> Rc<TreeView> {
     let mut tasks = vec![task(0, "top-level", "top-level")];
     // The way from the root to the newest task.
     let mut way = vec![0];
+    let mut clock = 0.0;
     for number in 1..2 + dice.below(20) as u32 {
         way.truncate(1 + dice.below(way.len()));
         let kind = dice.pick(&TYPES);
@@ -40,13 +43,66 @@ fn tree(dice: &mut Dice) -> Rc<TreeView> {
         let mut it = task(way[way.len() - 1], kind, if dice.chance(50) { "action" } else { "plan" });
         it.status = if dice.chance(70) { "succeeded" } else { "failed" };
         it.params = params;
+        it.start = clock;
+        // Many take no time, some still run.
+        clock += dice.below(2) as f64;
+        it.end = Some(clock).filter(|_| !dice.chance(5));
         if dice.chance(10) {
             it.edits = vec![Value::symbol("skip")];
         }
         tasks.push(it);
         way.push(number);
     }
+    for at in (1..tasks.len()).rev() {
+        let (end, above) = (tasks[at].end, tasks[at].parent as usize);
+        tasks[above].end = tasks[above].end.zip(end).map(|(a, b)| a.max(b));
+    }
+    if dice.chance(50) {
+        add_edits(dice, &mut tasks);
+    }
     Rc::new(TreeView::new(tasks))
+}
+
+/// Edits that have been made after the tasks ran.
+fn add_edits(dice: &mut Dice, tasks: &mut [Task]) {
+    let view = TreeView::new(tasks.to_vec());
+    let paths: Vec<Path> = (0..tasks.len() as u32).map(|task| view.path(task)).collect();
+    for _ in 0..1 + dice.below(4) {
+        let at = 1 + dice.below(tasks.len() - 1);
+        let key = Symbol::from(dice.pick(&KEYS));
+        let later: Vec<Path> =
+            (0..1 + dice.below(2)).map(|_| paths[dice.below(paths.len())].clone()).collect();
+        let what = match dice.below(6) {
+            0 => What::Skip(None),
+            1 => What::Before(code(dice)),
+            2 => What::After(code(dice)),
+            3 => What::WithParam(key, value(dice, &key)),
+            4 => What::Defer(later),
+            _ => What::Owe { code: code(dice), after: later, name: Symbol::from(dice.pick(&TYPES)) },
+        };
+        let guard = match tasks[at].params.first() {
+            Some(param) if dice.chance(20) => vec![param.clone()],
+            _ => Vec::new(),
+        };
+        let edit = Value::new(Obj::Edit(Box::new(Edit { at: paths[at].clone(), what, guard })));
+        tasks[at].edits.push(edit.clone());
+        tasks[at].pending.push(edit);
+    }
+}
+
+/// Calls that an edit puts somewhere.
+fn code(dice: &mut Dice) -> Value {
+    let call = |dice: &mut Dice| {
+        let property = |key: &str, value: Value| Value::list([Value::symbol(key), value]);
+        let kind = property("type", Value::symbol(dice.pick(&TYPES)));
+        let key = dice.pick(&KEYS);
+        let action = [Value::symbol("an"), Value::symbol("action"), kind, property(key, value(dice, key))];
+        Value::list([Value::symbol("perform"), Value::list(action)])
+    };
+    match dice.chance(60) {
+        true => call(dice),
+        false => Value::list([Value::symbol("seq"), call(dice), call(dice)]),
+    }
 }
 
 /// A value of a parameter: two that are equal are not shared.
@@ -177,13 +233,17 @@ fn batch(seed: u64, programs: usize) -> Batch {
 #[test]
 fn planned_clauses_answer_as_written() {
     with_large_stack(|| {
-        let (mut planned, mut joined, mut answers) = (0, 0, 0);
+        let (mut planned, mut joined, mut answers, mut edited) = (0, 0, 0, 0);
         for seed in super::more(0..5) {
             let programs = 300;
             let batch = batch(seed, programs);
             let session = load(&batch);
             for number in 0..programs {
                 let tree = tree(&mut Dice::new(seed * 77 + number as u64));
+                for task in 0..tree.len() as u32 {
+                    assert_eq!(tree.at(&tree.path(task)), Some(task), "the path of each is its own");
+                    edited += usize::from(tree.words(task).1 == "planned");
+                }
                 let found = |name: &str| over(&session, &format!("t{number}{name}"), &tree);
                 let (ours, as_written) = (found("w"), found("u"));
                 let line = |name: &str| {
@@ -198,7 +258,7 @@ fn planned_clauses_answer_as_written() {
             }
         }
         println!("{planned} clauses were planned, {joined} of them with joins; {answers} answers");
-        assert!(planned > 300 && joined > 300 && answers > 1000);
+        assert!(planned > 300 && joined > 300 && answers > 1000 && edited > 300);
     });
 }
 
