@@ -32,6 +32,9 @@ const OF_SIMULATION: u64 = 0x5157_7e5a_0c1d_33b9;
 /// Worlds in worlds that can be gone back to.
 pub const MOST_KEPT: usize = 64;
 
+/// Heights that are seen are wrong by no more than this.
+const SEEN_OFF_M: f64 = 0.03;
+
 /// A motion with its parameters.
 #[derive(Debug, Clone)]
 pub enum Motion {
@@ -210,8 +213,8 @@ impl World {
                 on => on,
             };
             let mut pose = state.support_pose(on).inverse() * sight.pose;
-            if on == place.on {
-                // What stands somewhere stands on it, however wrong its height looks.
+            // What stands somewhere stands on it, however wrong its height looks; what has been moved since does not.
+            if on == place.on && (pose.translation.z - place.pose.translation.z).abs() <= SEEN_OFF_M {
                 pose.translation.z = place.pose.translation.z;
             }
             state.objects.insert(object, crate::state::Place { on, pose });

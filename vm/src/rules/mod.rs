@@ -3,9 +3,9 @@
 //! [`clause`] is what the compiler makes of the text, [`lower`] makes instructions of it ([`op`]),
 //! [`engine`] runs them on the terms of a [`store`]: its loop is in [`steps`], its calls in [`call`], what it goes
 //! back to in [`choice`]. [`index`] finds the clauses and facts that can answer a call; [`join`] answers goals that
-//! stand in a row and ask a tree; [`gc`] takes away terms that nothing needs; [`tabling`] keeps what has been
-//! answered; [`native`] and [`tree`] are predicates that are written in Rust; [`why`] explains, with the clauses as
-//! text ([`show`]).
+//! stand in a row and ask a tree ([`view`]), which shows edits that have not run ([`overlay`]); [`control`] knows goals
+//! that are data; [`gc`] takes away terms that nothing needs; [`tabling`] keeps what has been answered; [`native`] and
+//! [`tree`] are predicates that are written in Rust; [`why`] explains, with the clauses as text ([`show`]).
 
 mod call;
 mod choice;
