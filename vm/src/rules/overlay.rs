@@ -23,8 +23,8 @@ pub(super) struct Planned {
     pub place: u32,
     /// The time in seconds, where an edit changes that.
     pub moved: Option<f64>,
-    /// An edit puts it there: it has not run.
-    pub inserted: bool,
+    /// Its number without the edits; nothing if one of them puts it there.
+    pub was: Option<u32>,
 }
 
 /// A task, and where edits put others beside it.
@@ -71,12 +71,17 @@ impl Overlay {
     fn new(tasks: Vec<Task>) -> Overlay {
         let mut it = Overlay { nodes: Vec::new(), places: FxHashMap::default(), owed: FxHashSet::default() };
         let mut ranks: FxHashMap<(usize, Symbol), u32> = FxHashMap::default();
+        // Most edits name no place but their own.
+        let has_paths = tasks.iter().flat_map(|task| &task.pending).filter_map(as_edit).any(names_places);
+        it.nodes.reserve(tasks.len());
         for (at, task) in tasks.into_iter().enumerate() {
             let (parent, name) = (task.parent as usize, task.name);
             if at > 0 {
-                let rank = ranks.entry((parent, name)).or_insert(0);
-                *rank += 1;
-                it.places.insert((parent, name, *rank), at);
+                if has_paths {
+                    let rank = ranks.entry((parent, name)).or_insert(0);
+                    *rank += 1;
+                    it.places.insert((parent, name, *rank), at);
+                }
                 it.nodes[parent].children.push(at);
             }
             it.nodes.push(Node { task, ..Node::default() });
@@ -197,7 +202,8 @@ impl Overlay {
             let node = &mut self.nodes[old];
             let mut task = std::mem::take(&mut node.task);
             task.parent = number[task.parent as usize];
-            (task, Planned { place: places[old], moved: node.moved, inserted: node.inserted })
+            let was = (!node.inserted).then_some(old as u32);
+            (task, Planned { place: places[old], moved: node.moved, was })
         });
         all.unzip()
     }
@@ -225,10 +231,9 @@ impl Overlay {
             let skipped = node.task.status == "skipped";
             for child in self.nodes[at].children.iter().rev() {
                 let child_node = &self.nodes[*child];
-                let beside = |all: &[usize]| all.iter().rev().map(|new| (*new, false)).collect::<Vec<_>>();
-                todo.extend(beside(&child_node.after));
+                todo.extend(child_node.after.iter().rev().map(|new| (*new, false)));
                 todo.push((*child, skipped));
-                todo.extend(beside(&child_node.before));
+                todo.extend(child_node.before.iter().rev().map(|new| (*new, false)));
             }
         }
         done
@@ -248,9 +253,13 @@ impl Overlay {
                 Work::Enter(at, moved) => {
                     done.push(at);
                     self.nodes[at].moved = moved;
-                    for child in self.nodes[at].children.clone().into_iter().rev() {
-                        if !self.nodes[child].waits {
-                            todo.push(Work::Waiting(child, moved));
+                    for child in (0..self.nodes[at].children.len()).rev() {
+                        let child = self.nodes[at].children[child];
+                        let node = &self.nodes[child];
+                        if !node.waits {
+                            if !node.waiting.is_empty() {
+                                todo.push(Work::Waiting(child, moved));
+                            }
                             todo.extend(self.with_inserted(child, moved).map(|(it, at)| Work::Enter(it, at)));
                         }
                     }
@@ -269,18 +278,13 @@ impl Overlay {
     }
 
     /// A task between those that edits put before and after it, with their times, the last first.
-    fn with_inserted(
-        &self,
-        at: usize,
-        moved: Option<f64>,
-    ) -> impl Iterator<Item = (usize, Option<f64>)> + use<> {
+    fn with_inserted(&self, at: usize, moved: Option<f64>) -> impl Iterator<Item = (usize, Option<f64>)> {
         let node = &self.nodes[at];
         let start = Some(moved.unwrap_or(node.task.start));
         let end = Some(moved.or(node.task.end).unwrap_or(f64::INFINITY));
-        let before = node.before.iter().map(|it| (*it, start));
-        let after = node.after.iter().map(|it| (*it, end));
-        let all: Vec<_> = before.chain([(at, moved)]).chain(after).collect();
-        all.into_iter().rev()
+        let before = node.before.iter().rev().map(move |it| (*it, start));
+        let after = node.after.iter().rev().map(move |it| (*it, end));
+        after.chain([(at, moved)]).chain(before)
     }
 }
 
@@ -295,6 +299,11 @@ impl Task {
             None => {}
         }
     }
+}
+
+/// True if an edit names other places than the one that it stands on.
+fn names_places(edit: &Edit) -> bool {
+    matches!(edit.what, What::Defer(..) | What::Owe { .. })
 }
 
 fn as_edit(value: &Value) -> Option<&Edit> {

@@ -13,7 +13,7 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 use std::rc::Rc;
 
-use rustc_hash::FxHashMap;
+use rustc_hash::{FxHashMap, FxHashSet};
 
 use crate::code::Program;
 use crate::path::{Path, PathStep};
@@ -109,6 +109,16 @@ struct Row {
     failed: bool,
     /// It ran once; what that was stands in the row.
     is_single: bool,
+}
+
+/// Symbols of the words that many rows have.
+#[derive(Default)]
+struct Texts(FxHashMap<&'static str, Symbol>);
+
+impl Texts {
+    fn symbol(&mut self, text: &'static str) -> Symbol {
+        *self.0.entry(text).or_insert_with(|| Symbol::from(text))
+    }
 }
 
 /// What few tasks have.
@@ -342,38 +352,43 @@ impl TreeView {
         }
         let planned = overlay(&mut tasks);
         let mut view = TreeView { planned, ..TreeView::default() };
-        let mut words: FxHashMap<&'static str, Symbol> = FxHashMap::default();
-        let mut word = |text: &'static str| *words.entry(text).or_insert_with(|| Symbol::from(text));
-        for (number, task) in (0..).zip(tasks) {
-            let args = view.args.len() as u32;
-            let count = task.params.len() as u16;
-            view.args.extend(task.params.into_iter().take(count.into()));
-            view.grounded.extend(task.grounded.map(|call| (number, call)));
-            if !task.edits.is_empty() {
-                view.edited.push(number);
-            }
-            if task.written.is_some() || !task.attempts.is_empty() || !task.edits.is_empty() {
-                let (written, attempts, edits) = (task.written, task.attempts, task.edits);
-                view.rare.insert(number, Rare { written, attempts, edits });
-            }
-            view.rows.push(Row {
-                parent: task.parent,
-                below: 0,
-                name: task.name,
-                kind: word(task.kind),
-                status: word(task.status),
-                failed: task.failure.is_some(),
-                value: task.failure.unwrap_or(task.value),
-                start: task.start,
-                end: task.end.unwrap_or(f64::NAN),
-                args,
-                count,
-                is_desc: false,
-                is_single: false,
-            });
+        let mut words = Texts::default();
+        for task in tasks {
+            view.push(task, &mut words);
         }
         view.close();
         view
+    }
+
+    /// A row for a task.
+    fn push(&mut self, task: Task, words: &mut Texts) {
+        let number = self.rows.len() as u32;
+        let args = self.args.len() as u32;
+        let count = task.params.len() as u16;
+        self.args.extend(task.params.into_iter().take(count.into()));
+        self.grounded.extend(task.grounded.map(|call| (number, call)));
+        if !task.edits.is_empty() {
+            self.edited.push(number);
+        }
+        if task.written.is_some() || !task.attempts.is_empty() || !task.edits.is_empty() {
+            let (written, attempts, edits) = (task.written, task.attempts, task.edits);
+            self.rare.insert(number, Rare { written, attempts, edits });
+        }
+        self.rows.push(Row {
+            parent: task.parent,
+            below: 0,
+            name: task.name,
+            kind: words.symbol(task.kind),
+            status: words.symbol(task.status),
+            failed: task.failure.is_some(),
+            value: task.failure.unwrap_or(task.value),
+            start: task.start,
+            end: task.end.unwrap_or(f64::NAN),
+            args,
+            count,
+            is_desc: false,
+            is_single: false,
+        });
     }
 
     /// The tree of a run, as it is now.
@@ -399,11 +414,69 @@ impl TreeView {
         if pending.is_empty() {
             return view;
         }
-        let mut tasks: Vec<Task> = (0..view.len() as u32).map(|task| view.task(task)).collect();
-        for (task, edits) in pending {
-            tasks[task as usize].pending = edits;
+        view.overlaid(pending)
+    }
+
+    /// The table with edits that have not run. What they do not change keeps its row.
+    fn overlaid(mut self, pending: Vec<(u32, Vec<Value>)>) -> TreeView {
+        let mut tasks: Vec<Task> = (0..self.len() as u32).map(|task| self.outline(task)).collect();
+        for (task, edits) in &pending {
+            tasks[*task as usize] = Task { pending: edits.clone(), ..self.task(*task) };
         }
-        TreeView::new(tasks)
+        let planned = overlay(&mut tasks);
+        let was: Vec<Option<u32>> = planned.iter().map(|it| it.was).collect();
+        let mut is_edited: FxHashSet<u32> = pending.into_iter().map(|it| it.0).collect();
+        for (task, was) in tasks.iter_mut().zip(&was) {
+            // What is skipped below an edited one: its run stays as it was.
+            if let Some(was) = was.filter(|was| !is_edited.contains(was))
+                && task.status != status(&self.rows[was as usize])
+            {
+                *task = Task { parent: task.parent, status: task.status, ..self.task(was) };
+                is_edited.insert(was);
+            }
+        }
+        let args = std::mem::take(&mut self.args);
+        let mut view =
+            TreeView { planned, args, rows: Vec::with_capacity(tasks.len()), ..TreeView::default() };
+        let mut grounded: FxHashMap<u32, Value> = std::mem::take(&mut self.grounded).into_iter().collect();
+        let mut words = Texts::default();
+        for (task, was) in tasks.into_iter().zip(was) {
+            let Some(was) = was.filter(|was| !is_edited.contains(was)) else {
+                view.push(task, &mut words);
+                continue;
+            };
+            let number = view.rows.len() as u32;
+            view.grounded.extend(grounded.remove(&was).map(|call| (number, call)));
+            if let Some(rare) = self.rare.remove(&was) {
+                if !rare.edits.is_empty() {
+                    view.edited.push(number);
+                }
+                view.rare.insert(number, rare);
+            }
+            let row = &mut self.rows[was as usize];
+            view.rows.push(Row {
+                parent: task.parent,
+                below: 0,
+                status: words.symbol(task.status),
+                value: std::mem::take(&mut row.value),
+                ..*row
+            });
+        }
+        view.close();
+        view
+    }
+
+    /// As much of a task as says where it stands.
+    fn outline(&self, task: u32) -> Task {
+        let row = &self.rows[task as usize];
+        Task {
+            parent: row.parent,
+            name: row.name,
+            status: status(row),
+            start: row.start,
+            end: self.end(task),
+            ..Task::default()
+        }
     }
 
     /// What a tree is made of.
@@ -683,7 +756,7 @@ impl TreeView {
     }
 
     fn is_inserted(&self, task: u32) -> bool {
-        self.planned.get(task as usize).is_some_and(|it| it.inserted)
+        self.planned.get(task as usize).is_some_and(|it| it.was.is_none())
     }
 
     /// True if the first task is above the second.
