@@ -17,6 +17,9 @@ use crate::value::{Imm, Obj, Symbol, Value};
 
 use super::view::Task;
 
+/// The status of what is not performed.
+pub(super) const SKIPPED: &str = "skipped";
+
 /// When a task would be performed.
 pub(super) struct Planned {
     /// Its position among all.
@@ -93,24 +96,14 @@ impl Overlay {
     fn apply(&mut self, at: usize) {
         let task = &mut self.nodes[at].task;
         let pending = std::mem::take(&mut task.pending);
-        let edits: Vec<&Edit> =
-            pending.iter().filter_map(as_edit).filter(|edit| holds_for(edit, task)).collect();
-        let made = task.params.clone();
-        for edit in &edits {
-            if let What::WithParam(key, value) = &edit.what {
-                task.change(*key, value);
-            }
-        }
-        if task.params != made {
-            task.written.get_or_insert(made);
-        }
+        let edits = holding(task, &pending);
+        let is_skipped = change(task, &edits);
         for edit in &edits {
             if let What::Owe { code, after, name } = &edit.what {
                 self.owe(at, edit, code, after, *name);
             }
         }
-        if edits.iter().any(|edit| matches!(edit.what, What::Skip(_))) {
-            self.nodes[at].task.status = "skipped";
+        if is_skipped {
             return;
         }
         for edit in &edits {
@@ -226,9 +219,9 @@ impl Overlay {
             done.push(at);
             let node = &mut self.nodes[at];
             if skipped {
-                node.task.status = "skipped";
+                node.task.status = SKIPPED;
             }
-            let skipped = node.task.status == "skipped";
+            let skipped = node.task.status == SKIPPED;
             for child in self.nodes[at].children.iter().rev() {
                 let child_node = &self.nodes[*child];
                 todo.extend(child_node.after.iter().rev().map(|new| (*new, false)));
@@ -299,6 +292,35 @@ impl Task {
             None => {}
         }
     }
+}
+
+/// Those of some edits whose guards hold for a task.
+pub(super) fn holding<'a>(task: &Task, edits: &'a [Value]) -> Vec<&'a Edit> {
+    edits.iter().filter_map(as_edit).filter(|edit| holds_for(edit, task)).collect()
+}
+
+/// What edits change of a task where it stands: its parameters, and whether it is skipped.
+pub(super) fn change(task: &mut Task, edits: &[&Edit]) -> bool {
+    let made = task.params.clone();
+    for edit in edits {
+        if let What::WithParam(key, value) = &edit.what {
+            task.change(*key, value);
+        }
+    }
+    if task.params != made {
+        task.written.get_or_insert(made);
+    }
+    let is_skipped = edits.iter().any(|edit| matches!(edit.what, What::Skip(_)));
+    if is_skipped {
+        task.status = SKIPPED;
+    }
+    is_skipped
+}
+
+/// True if an edit neither moves its task nor puts others beside it.
+pub(super) fn stays(edit: &Value) -> bool {
+    let moves = |edit: &Edit| names_places(edit) || matches!(edit.what, What::Before(_) | What::After(_));
+    !as_edit(edit).is_some_and(moves)
 }
 
 /// True if an edit names other places than the one that it stands on.

@@ -22,7 +22,7 @@ use crate::value::{Imm, Map, Obj, Symbol, Value};
 
 use super::index::hash_value;
 use super::join::Order;
-use super::overlay::{Planned, overlay};
+use super::overlay::{self, Planned, overlay};
 
 /// What is known of a task, to make a tree of.
 #[derive(Debug, Clone, Default)]
@@ -419,6 +419,12 @@ impl TreeView {
 
     /// The table with edits that have not run. What they do not change keeps its row.
     fn overlaid(mut self, pending: Vec<(u32, Vec<Value>)>) -> TreeView {
+        if pending.iter().flat_map(|it| &it.1).all(overlay::stays) {
+            for (task, edits) in pending {
+                self.change(task, &edits);
+            }
+            return self;
+        }
         let mut tasks: Vec<Task> = (0..self.len() as u32).map(|task| self.outline(task)).collect();
         for (task, edits) in &pending {
             tasks[*task as usize] = Task { pending: edits.clone(), ..self.task(*task) };
@@ -464,6 +470,30 @@ impl TreeView {
         }
         view.close();
         view
+    }
+
+    /// Applies edits that leave all tasks where they are.
+    fn change(&mut self, number: u32, edits: &[Value]) {
+        let mut task = self.task(number);
+        let edits = overlay::holding(&task, edits);
+        let is_skipped = overlay::change(&mut task, &edits);
+        if task.written.is_some() {
+            let row = &mut self.rows[number as usize];
+            (row.args, row.count, row.is_desc) = (self.args.len() as u32, task.params.len() as u16, false);
+            self.args.extend(task.params);
+            self.rare.entry(number).or_default().written = task.written;
+        }
+        if !is_skipped {
+            return;
+        }
+        for below in number..self.rows[number as usize].below {
+            if self.rows[below as usize].is_single {
+                let attempts = self.attempts(below);
+                self.rare.entry(below).or_default().attempts = attempts;
+            }
+            let row = &mut self.rows[below as usize];
+            (row.is_single, row.status) = (false, Symbol::from(overlay::SKIPPED));
+        }
     }
 
     /// As much of a task as says where it stands.
