@@ -7,11 +7,12 @@ use compiler::module::{Meaning, ModuleId};
 use compiler::{Front, Loaded, Report};
 use grammar::FileId;
 use serde_json::{Value as Json, json};
-use vm::code::{FnId, Program};
+use vm::code::{FnId, Program, SiteId};
 use vm::host::{CodeRequest, Host, Request};
 use vm::limits::{Grants, Limits};
 use vm::log::{Entry, Log};
 use vm::machine::{Machine, Outcome, Progress, QUANTUM};
+use vm::persist::{SavedEdit, SavedTree};
 use vm::value::{Symbol, Value};
 
 use crate::files::Files;
@@ -48,6 +49,8 @@ pub trait Output {
     fn complain(&mut self, _line: &str) {}
     /// What came from outside and is now part of the run's log.
     fn logged(&mut self, _entry: &Entry) {}
+    /// Shown the machine between two stretches of work.
+    fn looked(&mut self, _machine: &Machine) {}
     /// Asked between two rounds; false stops the run there.
     fn goes_on(&mut self) -> bool {
         true
@@ -100,6 +103,8 @@ pub struct Session {
     pub sealed: bool,
     /// A sealed run came to the end of its log: what happened after that step means nothing.
     pub log_ended: bool,
+    /// The call of the plan, where it had to be compiled before the run began.
+    prepared: Option<Loaded>,
     style: Style,
     /// Time passes as it does on the wall.
     real_time: bool,
@@ -114,6 +119,9 @@ struct Door<'a> {
     log_ended: &'a mut bool,
     real_time: bool,
 }
+
+/// What places in the call of the plan are called.
+const CALL: &str = "the call of the plan";
 
 /// How long a run in real time sleeps before it asks whether it is to stop.
 const NAP: Duration = Duration::from_millis(20);
@@ -238,6 +246,7 @@ impl Session {
             stop_at: None,
             sealed: false,
             log_ended: false,
+            prepared: None,
             style: options.style,
             real_time: options.real_time,
         };
@@ -325,6 +334,9 @@ impl Session {
             let round = self.machine.steps() + QUANTUM;
             let stop = self.stop_at.map_or(round, |stop| stop.min(round));
             let progress = self.go(output, Some(stop));
+            if !self.log_ended {
+                output.looked(&self.machine);
+            }
             let there = self.machine.stopped_at().is_some()
                 || self.stop_at.is_some_and(|stop| self.machine.steps() >= stop);
             if self.log_ended {
@@ -352,6 +364,31 @@ impl Session {
         let mut door =
             Door { front, grants: &grants, output, sealed: *sealed, log_ended, real_time: *real_time };
         work(machine, &mut door)
+    }
+
+    /// The run that [`Session::run_call`] begins goes on with a saved tree: its edits hold in it. Answers the edits that
+    /// do not any more, each with the reason.
+    ///
+    /// # Errors
+    /// A sentence that says what is wrong with the tree.
+    pub fn take_up(
+        &mut self,
+        saved: &SavedTree,
+        call: Option<&str>,
+    ) -> Result<Vec<(SavedEdit, String)>, String> {
+        let call = call.or(self.plan("main").map(|_| "(main)"));
+        let prepared = call.map(|call| self.extend(CALL, call));
+        let sites = &self.machine.program.sites;
+        let owner = prepared.as_ref().and_then(|it| it.init.last());
+        // The call of the plan is the last of its form; before it stand those in its arguments.
+        let top = owner.and_then(|owner| sites.iter().rposition(|site| site.owner == *owner));
+        let top = top.map(|at| SiteId(at as u32));
+        self.prepared = prepared;
+        let reader = crate::read::Reader::default();
+        let mut ignored = String::new();
+        self.with_door(&mut ignored, |machine, host| {
+            machine.take_up(host, saved, top, &|text| reader.value(text))
+        })
     }
 
     /// Uses what came from outside in an earlier run instead of asking again.
@@ -419,7 +456,10 @@ impl Session {
             self.machine.finish(&Ok(last.clone()));
             return Ended::Ran(Ok(last));
         };
-        let loaded = self.extend("the call of the plan", call);
+        let loaded = match self.prepared.take() {
+            Some(prepared) => prepared,
+            None => self.extend(CALL, call),
+        };
         if !loaded.reports.iter().all(Report::is_warning) {
             return Ended::Errors(loaded.reports);
         }

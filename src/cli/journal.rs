@@ -40,9 +40,19 @@ pub struct Recorded {
     hashes: Vec<(String, String)>,
     /// What came from outside.
     pub log: Log,
-    /// Where the last whole line ends, in bytes.
-    whole: u64,
+    /// Its file.
     path: PathBuf,
+    /// Where in it.
+    pub at: At,
+}
+
+/// Where a run is recorded.
+#[derive(Debug, Clone, Copy)]
+pub enum At {
+    /// In a log; where its last whole line ends, in bytes.
+    Log(u64),
+    /// In a store: the number of the run, and that of the version that it goes on with.
+    Store(i64, Option<i64>),
 }
 
 impl Journal {
@@ -62,17 +72,16 @@ impl Journal {
     }
 
     /// Goes on with a log where its last whole line ends.
-    pub fn reopen(recorded: &Recorded) -> Result<Journal, Trouble> {
-        let path = &recorded.path;
+    pub fn reopen(path: &Path, whole: u64) -> Result<Journal, Trouble> {
         let open = || {
             let mut file = File::options().write(true).open(path)?;
-            file.set_len(recorded.whole)?;
+            file.set_len(whole)?;
             file.seek(SeekFrom::End(0))?;
             Ok(file)
         };
         let file =
             open().map_err(|error| format!("cannot write the log {}: {}", path.display(), why(&error)))?;
-        Ok(Journal { file, path: path.clone() })
+        Ok(Journal { file, path: path.into() })
     }
 
     /// Writes what came from outside.
@@ -110,13 +119,30 @@ impl Recorded {
                 Trouble::new(damaged(), "delete this line and all below it to go on from there")
             })?);
         }
-        let hashes = head["files"].as_array().into_iter().flatten();
-        let hashes = hashes
-            .filter_map(|it| Some((it["name"].as_str()?.to_string(), it["hash"].as_str()?.to_string())));
         let unfit = || format!("the head of the log {} lacks what is needed to run again", path.display());
         let job = job_of(&head).ok_or_else(unfit)?;
         let folder = head["folder"].as_str().unwrap_or(".").into();
-        Ok(Recorded { job, folder, hashes: hashes.collect(), log, whole, path: full })
+        Ok(Recorded { job, folder, hashes: hashes_of(&head), log, path: full, at: At::Log(whole) })
+    }
+
+    /// The run of a store.
+    pub fn of_store(
+        head: &Json,
+        log: Log,
+        path: &Path,
+        id: i64,
+        base: Option<i64>,
+    ) -> Result<Recorded, Trouble> {
+        let unfit =
+            || format!("run {id} of the store {} lacks what is needed to run it again", path.display());
+        let job = job_of(head).ok_or_else(unfit)?;
+        let folder = head["folder"].as_str().unwrap_or(".").into();
+        Ok(Recorded { job, folder, hashes: hashes_of(head), log, path: path.into(), at: At::Store(id, base) })
+    }
+
+    /// The file that it stands in.
+    pub fn path(&self) -> &Path {
+        &self.path
     }
 
     /// Goes to the folder that the program was run in: its paths count from there.
@@ -153,17 +179,19 @@ impl Recorded {
         if changed.is_empty() {
             return Ok(());
         }
-        let what = format!(
-            "the program is not the one that wrote the log {}: {}",
-            self.path.display(),
-            changed.join(", ")
-        );
+        let (path, changed) = (self.path.display(), changed.join(", "));
+        let what = match self.at {
+            At::Log(_) => format!("the program is not the one that wrote the log {path}: {changed}"),
+            At::Store(id, _) => {
+                format!("the program is not the one of run {id} in the store {path}: {changed}")
+            }
+        };
         Err(Trouble::new(what, "put the old text back, or start again with `pleach run`"))
     }
 }
 
 /// What was run, for the first line.
-fn head(job: &Job, files: &Files) -> Json {
+pub fn head(job: &Job, files: &Files) -> Json {
     let hashes = hashes(files);
     let all: String = hashes.iter().map(|(_, hash)| hash.as_str()).collect();
     let listed: Vec<Json> = hashes.iter().map(|(name, hash)| json!({"name": name, "hash": hash})).collect();
@@ -182,6 +210,12 @@ fn head(job: &Job, files: &Files) -> Json {
         head.extend(settings);
     }
     head
+}
+
+fn hashes_of(head: &Json) -> Vec<(String, String)> {
+    let files = head["files"].as_array().into_iter().flatten();
+    let hash = |it: &Json| Some((it["name"].as_str()?.to_string(), it["hash"].as_str()?.to_string()));
+    files.filter_map(hash).collect()
 }
 
 fn job_of(head: &Json) -> Option<Job> {
@@ -222,7 +256,7 @@ fn first_line(path: &Path) -> std::io::Result<Json> {
 }
 
 /// Names and hashes of the files of a program; those of the library together.
-fn hashes(files: &Files) -> Vec<(String, String)> {
+pub fn hashes(files: &Files) -> Vec<(String, String)> {
     let library: String =
         files.iter().filter(|file| file.name.starts_with(LIBRARY)).map(|file| file.text.as_str()).collect();
     let own = files

@@ -12,6 +12,7 @@ mod fmt;
 pub mod interrupt;
 mod journal;
 pub mod json;
+mod keep;
 pub mod query;
 mod resume;
 pub mod run;

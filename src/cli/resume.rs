@@ -3,18 +3,22 @@
 //! Program, seed and log give the same tree. So going on means running again from the start with
 //! the answers of the log, and looking at a moment means stopping there.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 
 use super::journal::Recorded;
+use super::keep;
 use super::run::{Show, Start, perform};
-use super::{Answer, term};
+use super::{Answer, Trouble, term};
 
 pub const RESUME_HELP: &str = "\
 Example:
   pleach run long.plan --log long.log --stop-at 5000      (or a run that was killed)
   pleach resume long.log
+  pleach run long.plan --store runs.store                 (and the same, in a store)
+  pleach resume runs.store                                the last run in it that has not ended
+  pleach resume runs.store 3                              run 3
 
 The program runs again from its start, with the answers that the log has; then it goes on and adds
 to the log. What it prints, it prints again. Seed, limits and grants are those of the log. Output,
@@ -24,6 +28,8 @@ pub const REPLAY_HELP: &str = "\
 Examples:
   pleach replay long.log                 the same output and the same tree again
   pleach replay long.log --to 3000       the tree at that step, and where the program stands
+  pleach replay runs.store 3             run 3 of a store
+  pleach replay runs.store kitchen@2     the run that made version 2 of a tree
 
 Nothing outside is read or changed: all answers come from the log, and the replay ends where the
 log ends. Output, --json and exit codes are those of `pleach run`.";
@@ -31,8 +37,10 @@ log ends. Output, --json and exit codes are those of `pleach run`.";
 /// `pleach resume`
 #[derive(Args)]
 pub struct Resume {
-    /// The log of the run
+    /// The log of the run, or a store
     log: PathBuf,
+    /// Which run of the store: its number, or NAME@VERSION of its tree; without, the last that has not ended
+    run: Option<String>,
     /// Stop when so many calls and backward jumps have been done
     #[arg(long, value_name = "STEP", value_parser = super::settings::count)]
     stop_at: Option<u64>,
@@ -43,8 +51,10 @@ pub struct Resume {
 /// `pleach replay`
 #[derive(Args)]
 pub struct Replay {
-    /// The log of the run
+    /// The log of the run, or a store
     log: PathBuf,
+    /// Which run of the store: its number, or NAME@VERSION of its tree; without, the last one
+    run: Option<String>,
     /// As far as this step: so many calls and backward jumps
     #[arg(long, value_name = "STEP", value_parser = super::settings::count)]
     to: Option<u64>,
@@ -54,7 +64,7 @@ pub struct Replay {
 
 /// Goes on with a run.
 pub fn resume(it: &Resume) -> Answer {
-    let recorded = Recorded::read(&it.log)?;
+    let recorded = recorded(&it.log, it.run.as_deref(), true)?;
     recorded.enter_folder()?;
     if !recorded.job.settings.allow.is_empty() {
         term::complain(&format!("allowed, as the log says: {}\n", recorded.job.settings.allow.join(" ")));
@@ -65,8 +75,19 @@ pub fn resume(it: &Resume) -> Answer {
 
 /// Looks at a run again.
 pub fn replay(it: &Replay) -> Answer {
-    let recorded = Recorded::read(&it.log)?;
+    let recorded = recorded(&it.log, it.run.as_deref(), false)?;
     recorded.enter_folder()?;
     let start = Start { recorded: Some(&recorded), stop_at: it.to, sealed: true, ..Start::default() };
     perform(&recorded.job, &it.show, &start)
+}
+
+fn recorded(path: &Path, run: Option<&str>, to_go_on: bool) -> Result<Recorded, Trouble> {
+    match (store::is_store(path), run) {
+        (true, run) => keep::recorded(path, run, to_go_on),
+        (false, None) => Recorded::read(path),
+        (false, Some(_)) => {
+            let what = format!("{} is no store, so it has no runs to choose from", path.display());
+            Err(Trouble::new(what, "name a log alone, or a store and a run of it"))
+        }
+    }
 }

@@ -10,10 +10,14 @@ use pleach::render::Style;
 use pleach::session::Output;
 use pleach::{Ended, Session, render};
 use serde_json::{Value as Json, json};
+use store::{Store, StoreError};
 use vm::log::Entry;
+use vm::machine::Machine;
+use vm::persist::SavedEdit;
 use vm::value::Value;
 
-use super::journal::{Journal, Recorded};
+use super::journal::{At, Journal, Recorded};
+use super::keep::{self, Keeper, Place};
 use super::settings::Settings;
 use super::{Answer, ERRORS, FAILED, INTERRUPTED, Trouble, files, interrupt, json, term};
 
@@ -29,6 +33,8 @@ Examples:
   pleach run long.plan --log long.log --stop-at 5000 && pleach resume long.log
   pleach run kitchen.plan --picture monday.svg --record monday.json
   pleach run kitchen.plan --robot simulated
+  pleach run kitchen.plan --store runs.store     and later: pleach tree runs.store
+  pleach run kitchen.plan --store runs.store --tree kitchen     the next version of a named tree
 
 The program's own output goes to stdout; the tree of its tasks, failures and --trace go to stderr.
 With --json stdout is one object, and the program's output goes to stderr:
@@ -68,16 +74,30 @@ pub struct Run {
     #[command(flatten)]
     record: Record,
     /// Run once for each of these schedules, and say whether they end alike: 0..200
-    #[arg(long, value_name = "A..B", value_parser = super::schedules::range, conflicts_with_all = ["log", "stop_at", "trace", "timeline", "schedule", "record", "picture"])]
+    #[arg(long, value_name = "A..B", value_parser = super::schedules::range, conflicts_with_all = ["log", "store", "tree", "stop_at", "trace", "timeline", "schedule", "record", "picture"])]
     schedules: Option<std::ops::Range<u64>>,
     /// Write what comes from outside into a file, so that the run can be resumed and replayed
     #[arg(long, value_name = "FILE")]
     log: Option<PathBuf>,
+    /// Keep the run in a store: its program, its log and its tree, written while it runs
+    #[arg(long, value_name = "FILE")]
+    store: Option<PathBuf>,
+    /// Go on with this tree of the store: its edits apply, and the run is its next version
+    #[arg(long, value_name = "NAME", requires = "store", value_parser = tree_name)]
+    tree: Option<String>,
     /// Stop when so many calls and backward jumps have been done
     #[arg(long, value_name = "STEP", value_parser = super::settings::count)]
     stop_at: Option<u64>,
     #[command(flatten)]
     settings: Settings,
+}
+
+/// Names of trees are told from versions and numbers of runs.
+fn tree_name(text: &str) -> Result<String, String> {
+    match text.is_empty() || text.contains('@') || text.chars().all(|c| c.is_ascii_digit()) {
+        true => Err("a tree has a name that is no number and has no `@` in it".into()),
+        false => Ok(text.into()),
+    }
 }
 
 /// What is shown of a run.
@@ -139,6 +159,8 @@ pub struct Start<'a> {
     pub recorded: Option<&'a Recorded>,
     /// Where a new log goes.
     pub log: Option<&'a Path>,
+    /// Where the run is kept.
+    pub store: Option<Place>,
     /// Where it is said what happened in the world.
     pub record: Record,
     /// When to stop.
@@ -153,7 +175,9 @@ pub fn run(it: Run) -> Answer {
     if let Some(schedules) = it.schedules {
         return super::schedules::explore(&job, &it.show, schedules);
     }
-    let start = Start { log: it.log.as_deref(), record: it.record, stop_at: it.stop_at, ..Start::default() };
+    let store = it.store.map(|path| Place { path, tree: it.tree });
+    let (log, record, stop_at) = (it.log.as_deref(), it.record, it.stop_at);
+    let start = Start { log, store, record, stop_at, ..Start::default() };
     perform(&job, &it.show, &start)
 }
 
@@ -169,9 +193,10 @@ pub fn perform(job: &Job, show: &Show, start: &Start<'_>) -> Answer {
     }
     loaded.reports.iter().for_each(|warning| term::complain(&session.report(warning)));
     let call = call(&session, job)?;
-    let journal = match (start.log, start.recorded) {
+    let keeper = keeper(&mut session, job, call.as_deref(), start)?;
+    let journal = match (start.log, start.recorded.map(|recorded| (recorded.path(), recorded.at))) {
         (Some(path), _) => Some(Journal::create(path, job, &session.files)?),
-        (None, Some(recorded)) if !start.sealed => Some(Journal::reopen(recorded)?),
+        (None, Some((path, At::Log(whole)))) if !start.sealed => Some(Journal::reopen(path, whole)?),
         _ => None,
     };
     let records = Records::open(&start.record)?;
@@ -179,16 +204,69 @@ pub fn perform(job: &Job, show: &Show, start: &Start<'_>) -> Answer {
         let world = world::world::World::empty(job.settings.robot.mode(), true);
         *session.machine.world() = Some(Box::new(world));
     }
-    let mut console = Console::new(show, journal);
+    let mut console = Console::new(show, journal, keeper);
     let mut ended = run_call(&mut session, loaded, call.as_deref(), start, &mut console);
     if session.log_ended {
         ended = again(&mut session, job, call.as_deref(), start)?;
     }
+    keep_end(&session, &ended, &mut console);
     let code = report(&session, &ended, show, &mut console, job);
     records.write(&mut session, job)?;
     // Freeing a large tree takes longer than leaving that to the system.
     std::mem::forget(session);
     code
+}
+
+/// Makes the session go on with the tree that is meant, and opens the store for writing.
+fn keeper(
+    session: &mut Session,
+    job: &Job,
+    call: Option<&str>,
+    start: &Start<'_>,
+) -> Result<Option<Keeper>, Trouble> {
+    if let Some(Recorded { at: At::Store(id, base), .. }) = start.recorded {
+        let path = start.recorded.map(Recorded::path).unwrap_or(Path::new(""));
+        if let Some(base) = base {
+            take_up(session, &Store::read(path)?, *base, call)?;
+        }
+        return match start.sealed {
+            true => Ok(None),
+            false => Keeper::resume(path, *id).map(Some),
+        };
+    }
+    let Some(place) = &start.store else { return Ok(None) };
+    let store = Store::write(&place.path)?;
+    let base = match &place.tree {
+        None => None,
+        Some(tree) => match store.version(tree, None) {
+            Ok(version) => Some(version.id),
+            Err(StoreError::Missing { .. }) => None,
+            Err(error) => return Err(error.into()),
+        },
+    };
+    let orphans = match base {
+        None => Vec::new(),
+        Some(base) => take_up(session, &store, base, call)?,
+    };
+    for (edit, why) in &orphans {
+        let edit = vm::show::safe(&edit.edit);
+        term::complain(&format!("note: an edit of the tree holds no more: {edit}\n  {}\n", vm::show::safe(why)));
+    }
+    Keeper::begin(store, place, job, &session.files, base, orphans).map(Some)
+}
+
+/// The session goes on with a version of a tree. Answers the edits that hold no more.
+fn take_up(
+    session: &mut Session,
+    store: &Store,
+    base: i64,
+    call: Option<&str>,
+) -> Result<Vec<(SavedEdit, String)>, Trouble> {
+    let saved = keep::base(store, base)?;
+    session.take_up(&saved, call).map_err(|why| {
+        let what = format!("cannot go on with a tree of the store {}: {why}", store.path.display());
+        Trouble::new(what, "`pleach store check` says which trees are whole")
+    })
 }
 
 /// Files that take what happened in the world. They are opened before the run begins: whoever cannot write them wants to know
@@ -291,6 +369,10 @@ fn again(session: &mut Session, job: &Job, call: Option<&str>, start: &Start<'_>
     let unanswered = session.machine.log.entries.get(log.entries.len()).map_or(0, |entry| entry.step);
     *session = Session::new(job.settings.options(term::error_style())?);
     let loaded = session.load_file(&job.file)?;
+    if let Some(Recorded { at: At::Store(_, Some(base)), .. }) = start.recorded {
+        let path = start.recorded.map(Recorded::path).unwrap_or(Path::new(""));
+        take_up(session, &Store::read(path)?, *base, call)?;
+    }
     session.stop_at = Some(unanswered.saturating_sub(1));
     session.replay(log);
     let ended = session.run_call(loaded, call, &mut Silence);
@@ -364,12 +446,13 @@ pub struct Console {
     watched: bool,
     trace: bool,
     journal: Option<Journal>,
+    keeper: Option<Keeper>,
     halt: Option<Halt>,
     rounds: u32,
 }
 
 impl Console {
-    fn new(show: &Show, journal: Option<Journal>) -> Console {
+    fn new(show: &Show, journal: Option<Journal>, keeper: Option<Keeper>) -> Console {
         let (out, watched): (Box<dyn Write>, bool) = match show.json {
             true => (Box::new(std::io::stderr()), std::io::stderr().is_terminal()),
             false => (Box::new(std::io::stdout()), std::io::stdout().is_terminal()),
@@ -379,6 +462,7 @@ impl Console {
             watched,
             trace: show.trace,
             journal,
+            keeper,
             halt: None,
             rounds: 0,
         }
@@ -392,6 +476,15 @@ impl Console {
                     Halt::Broken(format!("cannot write the program's output: {}", pleach::files::why(&error)))
                 }
             });
+        }
+    }
+
+    fn kept(&mut self, result: Result<(), StoreError>) {
+        if let Err(error) = result {
+            let help = error.help().map_or(String::new(), |help| format!("\n  help: {help}"));
+            self.halt.get_or_insert(Halt::Broken(format!("{error}{help}")));
+            // What is not written any more does not become half of a run.
+            self.keeper = None;
         }
     }
 
@@ -427,9 +520,22 @@ impl Output for Console {
                 format!("cannot write the log {}: {}", journal.path.display(), pleach::files::why(&error));
             self.halt.get_or_insert(Halt::Broken(why));
         }
+        if let Some(keeper) = &mut self.keeper {
+            keeper.logged(entry);
+        }
+    }
+    fn looked(&mut self, machine: &Machine) {
+        if let Some(keeper) = &mut self.keeper {
+            let result = keeper.look(machine);
+            self.kept(result);
+        }
     }
     fn goes_on(&mut self) -> bool {
         self.rounds += 1;
+        if let Some(keeper) = &mut self.keeper {
+            let result = keeper.nap();
+            self.kept(result);
+        }
         if self.rounds.is_multiple_of(PATIENCE) {
             self.flush();
         }
@@ -460,6 +566,33 @@ pub fn errors(session: &Session, reports: &[Report], show: &Show) -> u8 {
     ERRORS
 }
 
+/// The word for how a run ended, and the exit code.
+fn outcome(ended: &Ended, console: &Console) -> (&'static str, u8) {
+    match ended {
+        Ended::Errors(_) => ("errors", ERRORS),
+        Ended::Ran(Ok(_)) => ("succeeded", 0),
+        Ended::Ran(Err(_)) => ("failed", FAILED),
+        Ended::NotLoaded(_) => ("not-loaded", ERRORS),
+        Ended::Stopped if console.halt.is_some() => ("interrupted", INTERRUPTED),
+        Ended::Stopped => ("stopped", 0),
+    }
+}
+
+/// Writes the end of the run into the store.
+fn keep_end(session: &Session, ended: &Ended, console: &mut Console) {
+    let (word, _) = outcome(ended, console);
+    let Some(keeper) = &mut console.keeper else { return };
+    let machine = &session.machine;
+    let value = match ended {
+        Ended::Ran(Ok(value)) => {
+            Some(vm::print::Printer::new(Some(&machine.program), true, vm::print::LIMIT).text(value))
+        }
+        _ => None,
+    };
+    let result = keeper.end(machine, word, value.as_deref());
+    console.kept(result);
+}
+
 /// Shows how the run ended. The exit code.
 fn report(session: &Session, ended: &Ended, show: &Show, console: &mut Console, job: &Job) -> Answer {
     console.flush();
@@ -468,14 +601,10 @@ fn report(session: &Session, ended: &Ended, show: &Show, console: &mut Console, 
         Some(Halt::Broken(why)) => return Err(why.clone().into()),
         Some(Halt::Interrupted) | None => {}
     }
-    let (outcome, code) = match ended {
-        Ended::Errors(reports) => return Ok(errors(session, reports, show)),
-        Ended::Ran(Ok(_)) => ("succeeded", 0),
-        Ended::Ran(Err(_)) => ("failed", FAILED),
-        Ended::NotLoaded(_) => ("not-loaded", ERRORS),
-        Ended::Stopped if console.halt.is_some() => ("interrupted", INTERRUPTED),
-        Ended::Stopped => ("stopped", 0),
-    };
+    if let Ended::Errors(reports) = ended {
+        return Ok(errors(session, reports, show));
+    }
+    let (outcome, code) = outcome(ended, console);
     if show.json {
         term::say(&format!("{}\n", result_json(session, ended, outcome, show, job)));
         return Ok(code);
@@ -532,6 +661,9 @@ fn stopped_text(session: &Session, console: &Console) -> String {
     text += &place_text(session);
     if let Some(journal) = &console.journal {
         text += &format!("go on with: pleach resume {}\n", journal.path.display());
+    }
+    if let Some(keeper) = &console.keeper {
+        text += &format!("go on with: {}\n", keeper.resume_words());
     }
     text
 }

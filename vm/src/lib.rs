@@ -28,6 +28,7 @@ pub mod verify;
 pub mod edit;
 pub mod key;
 pub mod path;
+pub mod persist;
 pub mod show;
 pub mod tree;
 

@@ -62,6 +62,31 @@ fn named(program: &Program, tree: &Tree, rec: RecId, args: Vec<Value>) -> Vec<(S
     named.filter(|(_, value)| !value.is_unset()).collect()
 }
 
+/// The arguments of a record from their names: the way back of [`params`].
+pub(crate) fn args_of_names(
+    program: &Program,
+    tree: &Tree,
+    rec: RecId,
+    params: Vec<(Symbol, Value)>,
+) -> Vec<Value> {
+    let names = match tree.record(rec).kind {
+        NodeKind::Action => vec![Symbol::from(DESCRIPTION)],
+        _ => plan_params(program, tree, rec).map_or_else(Vec::new, |params| params.names.clone()),
+    };
+    let place = |name: &Symbol| {
+        names.iter().position(|known| known == name).or_else(|| name.parse().ok())
+    };
+    let mut args: Vec<Value> = Vec::new();
+    for (name, value) in params {
+        let Some(at) = place(&name).filter(|at| *at < usize::from(u8::MAX)) else { continue };
+        args.resize(args.len().max(at + 1), Value::UNSET);
+        args[at] = value;
+    }
+    let known = names.len().min(usize::from(u8::MAX));
+    args.resize(args.len().max(known), Value::UNSET);
+    args
+}
+
 /// Visits what rules see of the parameters of a record, without a copy of them. True for the description of an
 /// action: what rules see are its properties.
 pub(crate) fn each_param(
@@ -244,7 +269,7 @@ pub fn text(program: &Program, tree: &Tree, most: usize) -> String {
 }
 
 /// Longer paths are left out of JSON, in bytes.
-const LONGEST_PATH: usize = 4000;
+pub(crate) const LONGEST_PATH: usize = 4000;
 /// Deeper nodes are not indented further, in bytes.
 const WIDEST_INDENT: usize = 400;
 

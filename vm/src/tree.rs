@@ -658,6 +658,33 @@ impl Tree {
         record.params - if self.is_changed(rec) { u32::from(record.args) } else { 0 }
     }
 
+    // ------------------------------------------------------------------ from rows
+
+    /// A slot of a saved tree, found or made.
+    pub(crate) fn restore_slot(&mut self, above: SlotId, key: Key, name: Symbol, site_hash: u64) -> SlotId {
+        self.find(above, key, name, site_hash)
+    }
+
+    /// A record of a saved tree, without parameters.
+    pub(crate) fn restore_record(&mut self, parent: RecId, slot: SlotId, kind: NodeKind, start: u64) -> RecId {
+        self.enter(parent, slot, kind, &[], start)
+    }
+
+    /// Gives a record without parameters these.
+    pub(crate) fn restore_args(&mut self, rec: RecId, args: &[Value]) {
+        let params = self.params.len as u32;
+        for arg in args {
+            self.params.push(arg.clone());
+        }
+        let record = self.records.get_mut(rec.0);
+        (record.params, record.args) = (params, args.len() as u8);
+    }
+
+    /// A slot has its place among its siblings where this record has it.
+    pub(crate) fn restore_place(&mut self, slot: SlotId, place: RecId) {
+        self.slots.get_mut(slot.0).since = place;
+    }
+
     // ------------------------------------------------------------------ edits
 
     /// The same of those that have been added since the run began.
@@ -747,6 +774,17 @@ impl Tree {
     pub fn shown(&self, slot: SlotId) -> Option<RecId> {
         let it = self.slots.get(slot.0);
         (it.run == self.run && it.rec.0 != 0).then_some(it.rec)
+    }
+    /// All slots, in the order of their making.
+    pub fn slots(&self) -> impl Iterator<Item = SlotId> + use<> {
+        (ROOT.0..self.slots.len as u32).map(SlotId)
+    }
+    /// The number of the record that the place of a slot among its siblings comes from; 0 if this run has
+    /// not reached it.
+    #[must_use]
+    pub fn place(&self, slot: SlotId) -> u32 {
+        let it = self.slots.get(slot.0);
+        if it.run == self.run { it.since.0 } else { 0 }
     }
     fn all_children(&self, slot: SlotId) -> impl Iterator<Item = SlotId> {
         let mut next = self.slots.get(slot.0).first;

@@ -8,6 +8,7 @@ use crate::failure::{Builtin, Failure};
 use crate::host::{CodeRequest, Host};
 use crate::native::{Raise, type_error};
 use crate::path::{Path, Places};
+use crate::persist::{Restored, SavedEdit, SavedTree};
 use crate::tree::{NodeKind, ROOT, SlotId, Tree};
 use crate::value::{Obj, Symbol, Value};
 
@@ -54,6 +55,114 @@ impl Machine {
         edit: &Edit,
     ) -> Result<(SlotId, Accepted), String> {
         let slot = edit.at.find_with(tree, places)?;
+        self.accept_at(host, tree, slot, edit)
+    }
+
+    /// Goes on with a saved tree: its places and edits are those of the run that begins. Answers the edits that hold no
+    /// more, each with the reason. `top` is the site that calls the plan.
+    ///
+    /// # Errors
+    /// A sentence that says which row of the tree does not fit to the others.
+    pub fn take_up(
+        &mut self,
+        host: &mut dyn Host,
+        saved: &SavedTree,
+        top: Option<SiteId>,
+        read: &dyn Fn(&str) -> Value,
+    ) -> Result<Vec<(SavedEdit, String)>, String> {
+        let (tree, orphans) = self.restore(host, saved, top, read)?;
+        let run = self.bottom();
+        let world = run.world.take();
+        let traced = run.traced;
+        *run = super::Run::new(tree, traced);
+        run.world = world;
+        Ok(orphans)
+    }
+
+    /// A saved tree as one of this program, and the edits that hold no more, each with the reason.
+    ///
+    /// # Errors
+    /// A sentence that says which row of the tree does not fit to the others.
+    pub fn restore(
+        &mut self,
+        host: &mut dyn Host,
+        saved: &SavedTree,
+        top: Option<SiteId>,
+        read: &dyn Fn(&str) -> Value,
+    ) -> Result<(Tree, Vec<(SavedEdit, String)>), String> {
+        let mut restored = Restored::new(saved)?;
+        let mut orphans = Vec::new();
+        let mut open: Vec<&SavedEdit> = saved.edits.iter().collect();
+        // Code of edits has places, too, and these may have edits.
+        while restored.add_slots(&self.program, saved, top) {
+            // Edits look at what was called where.
+            let mut ran = Restored { tree: restored.tree.clone(), ..Restored::new(saved)? };
+            ran.slots.clone_from(&restored.slots);
+            ran.add_records(&self.program, saved, read);
+            let mut waiting = Vec::new();
+            for it in open {
+                let known = restored.slots.get(it.slot as usize).copied().filter(|slot| slot.0 != 0);
+                let Some(slot) = known else {
+                    waiting.push(it);
+                    continue;
+                };
+                match self.accept_saved(host, &ran, slot, it, read) {
+                    Ok(accepted) => restored.add_edit(it.number, slot, accepted),
+                    Err(why) => orphans.push((it.clone(), why)),
+                }
+            }
+            open = waiting;
+            if open.is_empty() && restored.edits.len() == 1 {
+                break;
+            }
+        }
+        let gone = "the program does not have this place any more";
+        orphans.extend(open.into_iter().map(|it| (it.clone(), gone.to_string())));
+        restored.add_records(&self.program, saved, read);
+        Ok((restored.tree, orphans))
+    }
+
+    fn accept_saved(
+        &mut self,
+        host: &mut dyn Host,
+        ran: &Restored,
+        slot: SlotId,
+        it: &SavedEdit,
+        read: &dyn Fn(&str) -> Value,
+    ) -> Result<Accepted, String> {
+        let value = read(&it.edit);
+        let Some(Obj::Edit(edit)) = value.obj() else { return Err("it is no edit".into()) };
+        let (after, between) =
+            ran.after(&self.program, &it.after).ok_or("a task that it waits for is not there any more")?;
+        let site = &self.program.sites[ran.tree.slot(slot).key.site.at()];
+        if site.callee.is_some() && site.name != it.callee.as_str() {
+            return Err(format!("`{}` is called there now, not `{}`", site.name, it.callee));
+        }
+        // The places are known; what is left to see is whether it can hold there.
+        let alone = Edit {
+            what: match &edit.what {
+                What::Defer(_) => What::Defer(after.iter().map(|slot| Path::of(&ran.tree, *slot)).collect()),
+                What::Owe { code, name, .. } => What::Owe {
+                    code: code.clone(),
+                    name: *name,
+                    after: after.iter().map(|slot| Path::of(&ran.tree, *slot)).collect(),
+                },
+                other => other.clone(),
+            },
+            ..(**edit).clone()
+        };
+        let (_, accepted) = self.accept_at(host, &ran.tree, slot, &alone)?;
+        Ok(Accepted { edit: Rc::new((**edit).clone()), after, between, ..accepted })
+    }
+
+    /// The same where the place is known.
+    fn accept_at(
+        &mut self,
+        host: &mut dyn Host,
+        tree: &Tree,
+        slot: SlotId,
+        edit: &Edit,
+    ) -> Result<(SlotId, Accepted), String> {
         if slot == ROOT {
             return Err("the root is not called, so nothing can be changed there".into());
         }

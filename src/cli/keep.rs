@@ -1,0 +1,181 @@
+//! Runs in a store: writing one while it runs, finding one to go on with or to look at.
+
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use pleach::files::Files;
+use store::{Begin, Source, Store, StoreError, VersionRow, Writer};
+use vm::log::Entry;
+use vm::machine::Machine;
+use vm::persist::{SavedEdit, SavedTree};
+
+use super::Trouble;
+use super::journal::{self, Recorded};
+use super::run::Job;
+
+/// A batch is written when so many entries of the log wait.
+const MOST_ENTRIES: usize = 256;
+/// Or so many records of tasks.
+const MOST_RECORDS: usize = 8192;
+/// Or when something waits and so much time has passed.
+const MOST_TIME: Duration = Duration::from_millis(100);
+
+impl From<StoreError> for Trouble {
+    fn from(error: StoreError) -> Trouble {
+        Trouble { what: error.to_string(), help: error.help() }
+    }
+}
+
+/// Where a run is kept.
+#[derive(Debug, Clone)]
+pub struct Place {
+    /// The store.
+    pub path: PathBuf,
+    /// The tree that it goes on with; nothing for a new one.
+    pub tree: Option<String>,
+}
+
+/// Keeps a run.
+pub struct Keeper {
+    writer: Writer,
+    path: PathBuf,
+    last: Instant,
+}
+
+impl Keeper {
+    /// Opens the store for a new run. It is opened before the run begins: whoever cannot write it wants to know that
+    /// then.
+    pub fn begin(
+        store: Store,
+        place: &Place,
+        job: &Job,
+        files: &Files,
+        base: Option<i64>,
+        orphans: Vec<(SavedEdit, String)>,
+    ) -> Result<Keeper, Trouble> {
+        let sources = journal::hashes(files).into_iter().map(|(file, hash)| {
+            let text = files.iter().find(|it| it.name == file).map(|it| it.text.clone());
+            Source { file, hash, text }
+        });
+        let head = journal::head(job, files);
+        let begin = Begin {
+            tree: place.tree.clone(),
+            base,
+            file: job.file.display().to_string(),
+            plan: job.plan.clone(),
+            program: head["program"].as_str().unwrap_or_default().into(),
+            sources: sources.collect(),
+            seed: job.settings.seed,
+            schedule: job.settings.schedule,
+            robot: job.settings.robot.mode().name().into(),
+            head: head.to_string(),
+            orphans,
+        };
+        let mut writer = Writer::begin(store, begin)?;
+        // For tests of what happens when the disk is full.
+        writer.fails_at = std::env::var("PLEACH_TEST_STORE_FAILS_AT").ok().and_then(|it| it.parse().ok());
+        Ok(Keeper { writer, path: place.path.clone(), last: Instant::now() })
+    }
+
+    /// Goes on with a run.
+    pub fn resume(path: &Path, id: i64) -> Result<Keeper, Trouble> {
+        let writer = Writer::resume(path, id)?;
+        Ok(Keeper { writer, path: path.into(), last: Instant::now() })
+    }
+
+    /// What came from outside.
+    pub fn logged(&mut self, entry: &Entry) {
+        self.writer.logged(entry);
+    }
+
+    /// Asked while time passes: what came from outside is not kept waiting.
+    pub fn nap(&mut self) -> Result<(), StoreError> {
+        if self.last.elapsed() < MOST_TIME {
+            return Ok(());
+        }
+        self.last = Instant::now();
+        self.writer.write_log()
+    }
+
+    /// Looks at the run between two stretches of work, and writes what is new when there is enough of it.
+    pub fn look(&mut self, machine: &Machine) -> Result<(), StoreError> {
+        let (entries, records) = self.writer.waiting(machine.tree(), machine.steps());
+        let due = entries >= MOST_ENTRIES || records >= MOST_RECORDS;
+        if !due && (self.last.elapsed() < MOST_TIME || !self.writer.is_behind(machine.steps())) {
+            return Ok(());
+        }
+        self.writer.write(&machine.program, machine.tree(), machine.steps())?;
+        self.last = Instant::now();
+        Ok(())
+    }
+
+    /// Writes how the run ended.
+    pub fn end(&mut self, machine: &Machine, outcome: &str, value: Option<&str>) -> Result<(), StoreError> {
+        let (tree, steps, now) = (machine.tree(), machine.steps(), machine.now());
+        self.writer.end(&machine.program, tree, steps, now, outcome, value)
+    }
+
+    /// How to go on with it.
+    pub fn resume_words(&self) -> String {
+        format!("pleach resume {} {}", self.path.display(), self.writer.id)
+    }
+}
+
+/// The version that is meant: `kitchen`, `kitchen@2`, or the number of a run; without a word the last one.
+pub fn version(store: &Store, word: Option<&str>, number: Option<i64>) -> Result<VersionRow, Trouble> {
+    let Some(word) = word else { return Ok(store.last()?) };
+    if let Some(number) = number {
+        return Ok(store.version(word, Some(number))?);
+    }
+    if let Some((tree, version)) = word.rsplit_once('@')
+        && let Ok(version) = version.parse()
+    {
+        return Ok(store.version(tree, Some(version))?);
+    }
+    match (store.version(word, None), word.parse()) {
+        (Err(StoreError::Missing { .. }), Ok(id)) => Ok(store.version_by_id(id)?),
+        (found, _) => Ok(found?),
+    }
+}
+
+/// The run to go on with: one that has not ended.
+pub fn unfinished(store: &Store) -> Result<VersionRow, Trouble> {
+    for version in store.versions()?.into_iter().rev() {
+        match store.run(&version) {
+            Ok(run) if is_unfinished(&run.outcome) => return Ok(version),
+            Ok(_) | Err(StoreError::Missing { .. }) => {}
+            Err(error) => return Err(error.into()),
+        }
+    }
+    let what = format!("all runs in the store {} have ended", store.path.display());
+    Err(Trouble::new(what, "`pleach replay STORE RUN` runs one again; `pleach tree STORE` lists them"))
+}
+
+fn is_unfinished(outcome: &str) -> bool {
+    matches!(outcome, "running" | "stopped" | "interrupted")
+}
+
+/// A run of a store, to be run again.
+pub fn recorded(path: &Path, run: Option<&str>, to_go_on: bool) -> Result<Recorded, Trouble> {
+    let path = path.canonicalize().map_err(|error| {
+        Trouble::from(format!("cannot read the store {}: {}", path.display(), pleach::files::why(&error)))
+    })?;
+    let store = Store::read(&path)?;
+    let version = match run {
+        None if to_go_on => unfinished(&store)?,
+        run => version(&store, run, None)?,
+    };
+    let run = store.run(&version)?;
+    if to_go_on && !is_unfinished(&run.outcome) {
+        let what = format!("run {} of the store {} has ended: {}", version.id, path.display(), run.outcome);
+        return Err(Trouble::new(what, format!("run it again with: pleach replay {} {}", path.display(), version.id)));
+    }
+    let head = serde_json::from_str(&run.head).unwrap_or_default();
+    Recorded::of_store(&head, store.log(&version)?, &path, version.id, version.base)
+}
+
+/// The version that a run goes on with, as rows.
+pub fn base(store: &Store, id: i64) -> Result<SavedTree, Trouble> {
+    let version = store.version_by_id(id)?;
+    Ok(store.tree(&version)?)
+}

@@ -1,0 +1,493 @@
+//! Writing a run while it runs.
+//!
+//! The writer is shown the tree now and then. It knows how far it has come, so that each look costs what is new: slots
+//! and records that were made, and those records that had been open and are final now.
+
+use std::cell::Cell;
+
+use rusqlite::params;
+use vm::code::Program;
+use vm::log::Entry;
+use vm::persist::{self, SavedEdit, SavedRecord, SavedSlot, SavedTree};
+use vm::tree::{RecId, Tree};
+
+use crate::error::StoreError;
+use crate::open::Store;
+use crate::sum::Sum;
+
+/// A file of a program.
+#[derive(Debug, Clone)]
+pub struct Source {
+    /// Its name.
+    pub file: String,
+    /// The hash of its text.
+    pub hash: String,
+    /// Its text; that of the library is left out.
+    pub text: Option<String>,
+}
+
+/// What is known of a run before it begins.
+#[derive(Debug, Clone, Default)]
+pub struct Begin {
+    /// The tree; nothing for one of its own.
+    pub tree: Option<String>,
+    /// The version that it goes on with.
+    pub base: Option<i64>,
+    /// The plan file.
+    pub file: String,
+    /// The plan.
+    pub plan: Option<String>,
+    /// The hash of the program.
+    pub program: String,
+    /// Its files.
+    pub sources: Vec<Source>,
+    /// Key of the random draws.
+    pub seed: u64,
+    /// Key of the order of tasks.
+    pub schedule: u64,
+    /// How the robot moves.
+    pub robot: String,
+    /// All that is needed to run it again, as JSON.
+    pub head: String,
+    /// Edits of the version that it goes on with that hold no more, each with the reason.
+    pub orphans: Vec<(SavedEdit, String)>,
+}
+
+/// Writes a version of a tree.
+pub struct Writer {
+    store: Store,
+    /// The number of the version in the file.
+    pub id: i64,
+    /// The name of its tree.
+    pub tree: String,
+    /// Its version.
+    pub version: i64,
+    base: Option<i64>,
+    begin: Begin,
+    batches: i64,
+    slots: u32,
+    /// Where the slots stood when they were written.
+    places: Vec<u32>,
+    records: u32,
+    /// Records that were written before they were final.
+    open: Vec<RecId>,
+    /// Records whose rows may say more at the end of the run.
+    late: Vec<RecId>,
+    edits: i64,
+    entries: i64,
+    pending: Vec<Entry>,
+    /// Slots, records, edits and fuel that the file has of a run that is resumed.
+    least: (i64, i64, i64, i64),
+    /// While the run is replayed nothing is written: the file has it.
+    silent_until: u64,
+    calls: Cell<u64>,
+    /// For tests: the call of the store that fails.
+    pub fails_at: Option<u64>,
+    /// Fuel that was used when it was looked at last.
+    looked: u64,
+}
+
+/// A tree of its own is called by its number.
+fn own_name(id: i64) -> String {
+    format!("run-{id}")
+}
+
+impl Writer {
+    /// Begins a version.
+    ///
+    /// # Errors
+    /// The store cannot be written.
+    pub fn begin(store: Store, begin: Begin) -> Result<Writer, StoreError> {
+        let next: i64 = store
+            .db
+            .query_row("SELECT coalesce(max(id), 0) + 1 FROM versions", [], |row| row.get(0))
+            .map_err(|error| store.error(&error))?;
+        let tree = begin.tree.clone().unwrap_or_else(|| own_name(next));
+        let version: i64 = store
+            .db
+            .query_row("SELECT coalesce(max(version), 0) + 1 FROM versions WHERE tree = ?", [&tree], |row| row.get(0))
+            .map_err(|error| store.error(&error))?;
+        let base = begin.base;
+        let mut writer = Writer::new(store, next, tree, version, base, begin);
+        writer.in_batch(|it| {
+            it.write_program()?;
+            it.write_run("running", None, 0)?;
+            let orphans = it.begin.orphans.clone();
+            for (number, (edit, why)) in (1..).zip(&orphans) {
+                // Numbers below 0, so that those of the edits that hold have no gaps.
+                let edit = SavedEdit { number: 0, ..edit.clone() };
+                it.write_edit(-number, &edit, "base", Some(why))?;
+            }
+            it.write_version(0)
+        })?;
+        Ok(writer)
+    }
+
+    fn new(store: Store, id: i64, tree: String, version: i64, base: Option<i64>, begin: Begin) -> Writer {
+        Writer {
+            store,
+            id,
+            tree,
+            version,
+            base,
+            begin,
+            batches: 0,
+            slots: 0,
+            places: Vec::new(),
+            records: 0,
+            open: Vec::new(),
+            late: Vec::new(),
+            edits: 0,
+            entries: 0,
+            pending: Vec::new(),
+            least: (0, 0, 0, 0),
+            silent_until: 0,
+            calls: Cell::new(0),
+            fails_at: None,
+            looked: 0,
+        }
+    }
+
+    /// Goes on with a version whose run was stopped.
+    ///
+    /// # Errors
+    /// The store cannot be written, or is damaged.
+    pub fn resume(path: &std::path::Path, id: i64) -> Result<Writer, StoreError> {
+        let store = Store::write(path)?;
+        let row = store.version_by_id(id)?;
+        let run = store.run(&row)?;
+        let begin = Begin {
+            file: run.file,
+            plan: run.plan,
+            program: run.program,
+            seed: run.seed.parse().unwrap_or_default(),
+            schedule: run.schedule.parse().unwrap_or_default(),
+            robot: run.robot,
+            head: run.head,
+            ..Begin::default()
+        };
+        let mut writer = Writer::new(store, id, row.tree, row.version, row.base, begin);
+        (writer.batches, writer.entries) = (row.batches, row.entries);
+        writer.least = (row.slots, row.records, row.edits, row.steps);
+        writer.silent_until = row.steps as u64;
+        Ok(writer)
+    }
+
+    /// What came from outside; it is written with the next batch.
+    pub fn logged(&mut self, entry: &Entry) {
+        self.pending.push(entry.clone());
+    }
+
+    /// How much has not been written yet: entries of the log, and new records.
+    #[must_use]
+    pub fn waiting(&self, tree: &Tree, steps: u64) -> (usize, usize) {
+        if steps < self.silent_until {
+            return (0, 0);
+        }
+        (self.pending.len(), tree.len() - (self.records as usize).min(tree.len()))
+    }
+
+    /// True if something happened since the last look.
+    #[must_use]
+    pub fn is_behind(&self, steps: u64) -> bool {
+        steps >= self.silent_until && (steps > self.looked || !self.pending.is_empty())
+    }
+
+    /// Writes the entries that wait, and no more: the tree of the file may be behind its log.
+    ///
+    /// # Errors
+    /// The store cannot be written.
+    pub fn write_log(&mut self) -> Result<(), StoreError> {
+        let Some(last) = self.pending.last() else { return Ok(()) };
+        let steps = last.step.max(self.looked);
+        self.in_batch(|it| {
+            it.write_entries()?;
+            it.write_version(steps)
+        })
+    }
+
+    /// Writes what is new.
+    ///
+    /// # Errors
+    /// The store cannot be written.
+    pub fn write(&mut self, program: &Program, tree: &Tree, steps: u64) -> Result<(), StoreError> {
+        if steps < self.silent_until {
+            return Ok(());
+        }
+        self.looked = steps;
+        self.in_batch(|it| {
+            it.write_entries()?;
+            it.write_tree(program, tree)?;
+            it.write_version(steps)
+        })
+    }
+
+    /// Writes the end of the run: `outcome` in a word, its value as text.
+    ///
+    /// # Errors
+    /// The store cannot be written.
+    pub fn end(
+        &mut self,
+        program: &Program,
+        tree: &Tree,
+        steps: u64,
+        clock_ns: u64,
+        outcome: &str,
+        value: Option<&str>,
+    ) -> Result<(), StoreError> {
+        self.silent_until = 0;
+        self.in_batch(|it| {
+            it.write_entries()?;
+            it.write_tree(program, tree)?;
+            it.write_late(program, tree)?;
+            it.write_run(outcome, value, clock_ns)?;
+            it.write_version(steps)
+        })
+    }
+
+    /// Writes a tree that no run of this command has made.
+    ///
+    /// # Errors
+    /// The store cannot be written.
+    pub fn put(store: Store, tree: &str, base: Option<i64>, saved: &SavedTree, origin: &str) -> Result<Writer, StoreError> {
+        let next: i64 = store
+            .db
+            .query_row("SELECT coalesce(max(id), 0) + 1 FROM versions", [], |row| row.get(0))
+            .map_err(|error| store.error(&error))?;
+        let version: i64 = store
+            .db
+            .query_row("SELECT coalesce(max(version), 0) + 1 FROM versions WHERE tree = ?", [tree], |row| row.get(0))
+            .map_err(|error| store.error(&error))?;
+        let mut writer = Writer::new(store, next, tree.into(), version, base, Begin::default());
+        writer.in_batch(|it| {
+            saved.slots.iter().try_for_each(|row| it.write_slot(row))?;
+            saved.records.iter().try_for_each(|row| it.write_record(row))?;
+            saved.edits.iter().try_for_each(|row| it.write_edit(i64::from(row.number), row, origin, None))?;
+            (it.slots, it.records) = (saved.slots.len() as u32, saved.records.len() as u32);
+            it.edits = saved.edits.len() as i64;
+            it.write_version(0)
+        })?;
+        Ok(writer)
+    }
+
+    // ------------------------------------------------------------------ batches
+
+    /// Writes in one transaction: all of it or nothing.
+    fn in_batch(&mut self, write: impl FnOnce(&mut Writer) -> rusqlite::Result<()>) -> Result<(), StoreError> {
+        self.batches += 1;
+        let done = self.run("BEGIN IMMEDIATE").and_then(|()| {
+            write(self)?;
+            self.run("COMMIT")
+        });
+        done.map_err(|error| {
+            let _ = self.store.db.execute_batch("ROLLBACK");
+            self.store.error(&error)
+        })
+    }
+
+    fn run(&self, text: &str) -> rusqlite::Result<()> {
+        self.count()?;
+        self.store.db.execute_batch(text)
+    }
+
+    fn count(&self) -> rusqlite::Result<()> {
+        self.calls.set(self.calls.get() + 1);
+        if self.fails_at == Some(self.calls.get()) {
+            let full = rusqlite::ffi::Error::new(rusqlite::ffi::SQLITE_FULL);
+            return Err(rusqlite::Error::SqliteFailure(full, None));
+        }
+        Ok(())
+    }
+
+    fn execute(&self, text: &str, values: impl rusqlite::Params) -> rusqlite::Result<()> {
+        self.count()?;
+        self.store.db.prepare_cached(text)?.execute(values)?;
+        Ok(())
+    }
+
+    // ------------------------------------------------------------------ rows
+
+    fn write_program(&mut self) -> rusqlite::Result<()> {
+        let (program, sources) = (self.begin.program.clone(), self.begin.sources.clone());
+        for Source { file, hash, text } in &sources {
+            let sum = Sum::of("programs").text(&program).text(file).text(hash).maybe(text.as_deref()).end();
+            let insert = "INSERT OR REPLACE INTO programs VALUES (?, ?, ?, ?, ?)";
+            self.execute(insert, params![program, file, hash, text, sum])?;
+        }
+        Ok(())
+    }
+
+    fn write_run(&mut self, outcome: &str, value: Option<&str>, clock_ns: u64) -> rusqlite::Result<()> {
+        let Begin { file, plan, program, seed, schedule, robot, head, .. } = self.begin.clone();
+        let (seed, schedule, clock_ns) = (seed.to_string(), schedule.to_string(), clock_ns as i64);
+        let sum = Sum::of("runs").number(self.id).text(&file).maybe(plan.as_deref()).text(&program);
+        let sum = sum.text(&seed).text(&schedule).text(&robot).text(&head).text(outcome).maybe(value);
+        let sum = sum.number(clock_ns).end();
+        self.execute(
+            "INSERT OR REPLACE INTO runs VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
+            params![self.id, file, plan, program, seed, schedule, robot, head, outcome, value, clock_ns, sum],
+        )
+    }
+
+    fn write_version(&mut self, steps: u64) -> rusqlite::Result<()> {
+        let least = self.least;
+        let (id, steps, edits) = (self.id, (steps as i64).max(least.3), self.edits.max(least.2));
+        let (slots, records) = (i64::from(self.slots).max(least.0), i64::from(self.records).max(least.1));
+        let entries = self.entries;
+        let sum = Sum::of("batches").number(id).number(self.batches).number(slots).number(records);
+        let sum = sum.number(entries).number(steps).end();
+        self.execute(
+            "INSERT OR REPLACE INTO batches VALUES (?, ?, ?, ?, ?, ?, ?)",
+            params![id, self.batches, slots, records, entries, steps, sum],
+        )?;
+        let (tree, version, base) = (self.tree.clone(), self.version, self.base);
+        let sum = Sum::of("versions").number(id).text(&tree).number(version).maybe_number(base);
+        let sum = sum.number(self.batches).number(slots).number(records).number(edits).number(entries);
+        let sum = sum.number(steps).end();
+        self.execute(
+            "INSERT OR REPLACE INTO versions VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
+            params![id, tree, version, base, self.batches, slots, records, edits, entries, steps, sum],
+        )
+    }
+
+    fn write_entries(&mut self) -> rusqlite::Result<()> {
+        for entry in std::mem::take(&mut self.pending) {
+            self.entries += 1;
+            let (id, number) = (self.id, self.entries);
+            let events = entry.to_json()["events"].to_string();
+            let (round, step, clock) = (entry.round as i64, entry.step as i64, entry.clock as i64);
+            let sum = Sum::of("log").number(id).number(number).number(round).number(step).number(clock);
+            let sum = sum.text(&events).end();
+            self.execute(
+                "INSERT OR REPLACE INTO log VALUES (?, ?, ?, ?, ?, ?, ?)",
+                params![id, number, round, step, clock, events, sum],
+            )?;
+        }
+        Ok(())
+    }
+
+    fn write_tree(&mut self, program: &Program, tree: &Tree) -> rusqlite::Result<()> {
+        let open = std::mem::take(&mut self.open);
+        for id in open {
+            match tree.record(id).status.is_final() {
+                true => self.write_one(program, tree, id)?,
+                false => self.open.push(id),
+            }
+        }
+        let last = tree.len() as u32;
+        for id in (self.records + 1..=last).map(RecId) {
+            self.write_one(program, tree, id)?;
+            if !tree.record(id).status.is_final() {
+                self.open.push(id);
+            }
+        }
+        self.records = last;
+        for id in tree.slots().skip(self.slots as usize) {
+            self.slots = id.0;
+            self.write_slot_of(program, tree, id)?;
+        }
+        if self.edits == 0 && !tree.edits.is_empty() {
+            for edit in persist::edits(program, tree) {
+                self.edits += 1;
+                self.write_edit(i64::from(edit.number), &edit, "base", None)?;
+            }
+        }
+        Ok(())
+    }
+
+    fn write_one(&mut self, program: &Program, tree: &Tree, id: RecId) -> rusqlite::Result<()> {
+        let row = persist::record(program, tree, id);
+        if row.failure.is_some() || row.more.is_some() {
+            self.late.push(id);
+        }
+        self.write_record(&row)?;
+        // A slot that was written stands elsewhere in this run.
+        let slot = tree.record(id).slot;
+        if slot.0 <= self.slots && self.places.get(slot.0 as usize) != Some(&tree.place(slot)) {
+            self.write_slot_of(program, tree, slot)?;
+        }
+        Ok(())
+    }
+
+    /// What is said of failures and edits may be more at the end than when it was written.
+    fn write_late(&mut self, program: &Program, tree: &Tree) -> rusqlite::Result<()> {
+        for id in std::mem::take(&mut self.open) {
+            self.write_record(&persist::record(program, tree, id))?;
+        }
+        for id in std::mem::take(&mut self.late) {
+            vm::failure::name_tasks(tree, &tree.record(id).value);
+            self.write_record(&persist::record(program, tree, id))?;
+        }
+        for slot in tree.slots() {
+            if self.places.get(slot.0 as usize) != Some(&tree.place(slot)) {
+                self.write_slot_of(program, tree, slot)?;
+            }
+        }
+        Ok(())
+    }
+
+    fn write_slot_of(&mut self, program: &Program, tree: &Tree, id: vm::tree::SlotId) -> rusqlite::Result<()> {
+        let row = persist::slot(program, tree, id);
+        let at = id.0 as usize;
+        if self.places.len() <= at {
+            self.places.resize(at + 1, u32::MAX);
+        }
+        self.places[at] = row.place;
+        self.write_slot(&row)
+    }
+
+    fn write_slot(&mut self, row: &SavedSlot) -> rusqlite::Result<()> {
+        let site = format!("{:016x}", row.site);
+        let sum = slot_sum(self.id, row, &site);
+        let id = self.id;
+        self.execute(
+            "INSERT OR REPLACE INTO slots VALUES (?, ?, ?, ?, ?, ?, ?, ?)",
+            params![id, row.slot, row.parent, row.name, site, row.steps, row.place, sum],
+        )
+    }
+
+    fn write_record(&mut self, row: &SavedRecord) -> rusqlite::Result<()> {
+        let sum = record_sum(self.id, row);
+        let (id, start, end) = (self.id, row.start_ns as i64, row.end_ns.map(|ns| ns as i64));
+        self.execute(
+            "INSERT OR REPLACE INTO records VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
+            params![
+                id, row.record, row.slot, row.parent, row.attempt, row.kind, row.status, row.why, start, end,
+                row.params, row.value, row.failure, row.more, sum
+            ],
+        )
+    }
+
+    fn write_edit(
+        &mut self,
+        number: i64,
+        row: &SavedEdit,
+        origin: &str,
+        orphan: Option<&str>,
+    ) -> rusqlite::Result<()> {
+        let sum = edit_sum(self.id, number, row, origin, orphan);
+        let id = self.id;
+        self.execute(
+            "INSERT OR REPLACE INTO edits VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)",
+            params![id, number, row.slot, row.edit, row.callee, row.after, origin, orphan, sum],
+        )
+    }
+}
+
+pub(crate) fn slot_sum(id: i64, row: &SavedSlot, site: &str) -> i64 {
+    let sum = Sum::of("slots").number(id).number(row.slot.into()).number(row.parent.into()).text(&row.name);
+    sum.text(site).text(&row.steps).number(row.place.into()).end()
+}
+
+pub(crate) fn record_sum(id: i64, row: &SavedRecord) -> i64 {
+    let sum = Sum::of("records").number(id).number(row.record.into()).number(row.slot.into());
+    let sum = sum.number(row.parent.into()).number(row.attempt.into()).text(&row.kind).text(&row.status);
+    let sum = sum.text(&row.why).number(row.start_ns as i64).maybe_number(row.end_ns.map(|ns| ns as i64));
+    let sum = sum.text(&row.params).maybe(row.value.as_deref()).maybe(row.failure.as_deref());
+    sum.maybe(row.more.as_deref()).end()
+}
+
+pub(crate) fn edit_sum(id: i64, number: i64, row: &SavedEdit, origin: &str, orphan: Option<&str>) -> i64 {
+    let sum = Sum::of("edits").number(id).number(number).number(row.slot.into()).text(&row.edit);
+    sum.text(&row.callee).text(&row.after).text(origin).maybe(orphan).end()
+}
