@@ -17,7 +17,15 @@ use crate::read::Reader;
 /// A sentence that says what is wrong with it, and where.
 pub fn tree(text: &str, failures: &FailureTypes) -> Result<TreeView, String> {
     let json: Json = serde_json::from_str(text).map_err(|error| format!("it is no JSON: {error}"))?;
-    let (nodes, name) = match &json {
+    tree_of(&json, failures)
+}
+
+/// The same for JSON that has been read.
+///
+/// # Errors
+/// A sentence that says what is wrong with it, and where.
+pub fn tree_of(json: &Json, failures: &FailureTypes) -> Result<TreeView, String> {
+    let (nodes, name) = match json {
         Json::Array(nodes) => (nodes, ""),
         Json::Object(result) => match result.get("tree") {
             Some(Json::Array(nodes)) => (nodes, "tree"),

@@ -160,6 +160,14 @@ impl Session {
         crate::import::tree(text, &self.machine.program.failures).map(Rc::new)
     }
 
+    /// The same for the list of nodes that such a file has.
+    ///
+    /// # Errors
+    /// A sentence that says what is wrong with it, and where.
+    pub fn tree_of_nodes(&self, nodes: &serde_json::Value) -> Result<Rc<TreeView>, String> {
+        crate::import::tree_of(nodes, &self.machine.program.failures).map(Rc::new)
+    }
+
     /// The text of a value that reads back, with the names of functions.
     #[must_use]
     pub fn write(&self, value: &Value) -> String {

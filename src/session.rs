@@ -1,12 +1,14 @@
 //! A session: a program, the machine that runs it, and the files that it comes from.
 
 use std::path::{Path, PathBuf};
+use std::rc::Rc;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use compiler::module::{Meaning, ModuleId};
 use compiler::{Front, Loaded, Report};
 use grammar::FileId;
 use serde_json::{Value as Json, json};
+use store::{Store, StoreError, Writer};
 use vm::code::{FnId, Program, SiteId};
 use vm::host::{CodeRequest, Host, Request};
 use vm::limits::{Grants, Limits};
@@ -51,6 +53,10 @@ pub trait Output {
     fn logged(&mut self, _entry: &Entry) {}
     /// Shown the machine between two stretches of work.
     fn looked(&mut self, _machine: &Machine) {}
+    /// Who writes this store already, if it is the one that the run is kept in.
+    fn store(&mut self, _store: &Path) -> Option<&mut Writer> {
+        None
+    }
     /// Asked between two rounds; false stops the run there.
     fn goes_on(&mut self) -> bool {
         true
@@ -120,6 +126,9 @@ struct Door<'a> {
     real_time: bool,
 }
 
+/// Where the edits of trees come from that programs save.
+const FROM_PROGRAM: &str = "program";
+
 /// What places in the call of the plan are called.
 const CALL: &str = "the call of the plan";
 
@@ -158,6 +167,31 @@ impl Host for Door<'_> {
                     .map_err(|error| format!("cannot write {path}: {}", crate::files::why(&error)))?;
                 Ok(Json::Null)
             }
+            Request::LoadTree { store, tree, version } => {
+                granted("read", store, &self.grants.read)?;
+                let load = || {
+                    let store = Store::read(Path::new(store))?;
+                    store.tree(&store.version(tree, *version)?)
+                };
+                load().map(|tree| tree.rows()).map_err(|error: StoreError| error.to_string())
+            }
+            Request::SaveTree { store, tree, rows } => {
+                granted("write", store, &self.grants.write)?;
+                let path = Path::new(store);
+                let version = match self.output.store(path) {
+                    Some(writer) => writer.put_beside(tree, rows, FROM_PROGRAM),
+                    None => Store::write(path)
+                        .and_then(|store| Writer::put(store, tree, None, rows, FROM_PROGRAM))
+                        .map(|writer| writer.version),
+                };
+                version.map(|version| json!(version)).map_err(|error| error.to_string())
+            }
+            Request::Versions { store, tree } => {
+                granted("read", store, &self.grants.read)?;
+                let store = Store::read(Path::new(store)).map_err(|error| error.to_string())?;
+                let versions = store.versions().map_err(|error| error.to_string())?;
+                Ok(versions.iter().filter(|it| it.tree == *tree).map(|it| json!(it.version)).collect())
+            }
             Request::Clock => {
                 let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
                 Ok(json!(now.as_secs_f64()))
@@ -181,6 +215,10 @@ impl Host for Door<'_> {
         if !*self.log_ended {
             self.output.logged(entry);
         }
+    }
+    fn reader(&self) -> Rc<dyn Fn(&str) -> Value> {
+        let reader = crate::read::Reader::default();
+        Rc::new(move |text| reader.value(text))
     }
     fn compile(&mut self, program: &mut Program, code: CodeRequest<'_>) -> Result<FnId, String> {
         let compiled = self.front.compile_edit(program, &code);

@@ -19,10 +19,11 @@ fn ours(manifest: &str) -> Vec<String> {
 }
 
 /// Our crates: the name in code, the folder.
-const CRATES: [(&str, &str); 5] = [
+const CRATES: [(&str, &str); 6] = [
     ("compiler", "compiler"),
     ("grammar", "grammar"),
     ("stdlib", "stdlib"),
+    ("store", "stdlib/store"),
     ("vm", "vm"),
     ("world", "stdlib/world"),
 ];
@@ -33,6 +34,7 @@ fn arrows_point_down() {
     assert_eq!(ours("vm/Cargo.toml"), [""; 0]);
     assert_eq!(ours("compiler/Cargo.toml"), ["grammar", "vm"]);
     assert_eq!(ours("stdlib/Cargo.toml"), ["vm"]);
+    assert_eq!(ours("stdlib/store/Cargo.toml"), ["vm"]);
     assert_eq!(ours("stdlib/world/Cargo.toml"), ["vm"]);
 }
 

@@ -50,6 +50,7 @@ impl Keeper {
         place: &Place,
         job: &Job,
         files: &Files,
+        plan: Option<String>,
         base: Option<i64>,
         orphans: Vec<(SavedEdit, String)>,
     ) -> Result<Keeper, Trouble> {
@@ -62,7 +63,7 @@ impl Keeper {
             tree: place.tree.clone(),
             base,
             file: job.file.display().to_string(),
-            plan: job.plan.clone(),
+            plan: plan.or_else(|| job.plan.clone()),
             program: head["program"].as_str().unwrap_or_default().into(),
             sources: sources.collect(),
             seed: job.settings.seed,
@@ -113,6 +114,17 @@ impl Keeper {
     pub fn end(&mut self, machine: &Machine, outcome: &str, value: Option<&str>) -> Result<(), StoreError> {
         let (tree, steps, now) = (machine.tree(), machine.steps(), machine.now());
         self.writer.end(&machine.program, tree, steps, now, outcome, value)
+    }
+
+    /// True if this file is the store.
+    pub fn is_in(&self, store: &Path) -> bool {
+        let full = |path: &Path| path.canonicalize().ok();
+        full(store).is_some_and(|store| full(&self.path) == Some(store))
+    }
+
+    /// The one who writes.
+    pub fn writer(&mut self) -> &mut Writer {
+        &mut self.writer
     }
 
     /// How to go on with it.
@@ -168,7 +180,10 @@ pub fn recorded(path: &Path, run: Option<&str>, to_go_on: bool) -> Result<Record
     let run = store.run(&version)?;
     if to_go_on && !is_unfinished(&run.outcome) {
         let what = format!("run {} of the store {} has ended: {}", version.id, path.display(), run.outcome);
-        return Err(Trouble::new(what, format!("run it again with: pleach replay {} {}", path.display(), version.id)));
+        return Err(Trouble::new(
+            what,
+            format!("run it again with: pleach replay {} {}", path.display(), version.id),
+        ));
     }
     let head = serde_json::from_str(&run.head).unwrap_or_default();
     Recorded::of_store(&head, store.log(&version)?, &path, version.id, version.base)

@@ -18,8 +18,10 @@ mod resume;
 pub mod run;
 mod schedules;
 pub mod settings;
+mod store;
 pub mod term;
 mod test;
+mod tree;
 
 use std::path::PathBuf;
 
@@ -87,15 +89,21 @@ enum Command {
     /// Run a plan file, then show the tree of its tasks
     #[command(after_help = run::HELP)]
     Run(Box<run::Run>),
-    /// Go on with a run that was stopped, from its log
+    /// Go on with a run that was stopped or killed, from its log or a store
     #[command(after_help = resume::RESUME_HELP)]
     Resume(resume::Resume),
-    /// Run again from a log, as far as a step, and show where the program stands
+    /// Run again from a log or a store, as far as a step, and show where the program stands
     #[command(after_help = resume::REPLAY_HELP)]
     Replay(resume::Replay),
     /// Ask the rules of a file, over its facts and over task trees
     #[command(after_help = query::HELP)]
     Query(Box<query::Query>),
+    /// Look at the trees of a store: list, show, compare
+    #[command(after_help = tree::HELP)]
+    Tree(Box<tree::Tree>),
+    /// Check, export, import and empty stores
+    #[command(after_help = store::HELP)]
+    Store(store::Command),
     /// Try forms by hand
     #[command(after_help = crate::repl::HELP)]
     Repl(crate::repl::Repl),
@@ -130,6 +138,8 @@ pub fn main() -> u8 {
         Command::Resume(it) => resume::resume(&it),
         Command::Replay(it) => resume::replay(&it),
         Command::Query(it) => query::run(*it),
+        Command::Tree(it) => tree::run(&it),
+        Command::Store(it) => store::run(&it),
         Command::Repl(it) => crate::repl::run(&it),
         Command::Check(it) => check::run(&it),
         Command::Fmt(it) => fmt::run(&it),

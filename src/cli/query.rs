@@ -4,17 +4,18 @@ use std::path::{Path, PathBuf};
 use std::rc::Rc;
 
 use clap::Args;
-use compiler::Report;
+use compiler::{Loaded, Report};
 use pleach::session::Output;
 use pleach::{Answer as Found, Ended, Explained, Question, Session};
 use serde_json::{Map, Value as Json, json};
+use store::{Store, StoreError, VersionRow};
 use vm::rules::view::TreeView;
 use vm::rules::why::Explanation;
 use vm::value::Value;
 
 use super::run::{self, Job};
 use super::settings::Settings;
-use super::{Answer, ERRORS, FAILED, INTERRUPTED, Trouble, files, interrupt, json, term};
+use super::{Answer, ERRORS, FAILED, INTERRUPTED, Trouble, files, interrupt, json, keep, term};
 
 pub const HELP: &str = "\
 Examples:
@@ -27,11 +28,16 @@ Examples:
   pleach query kitchen.plan '(both-hands ?a ?b)' --run --plan
   pleach run kitchen.plan --json > monday.json
   pleach query rules.plan '(both-hands ?one ?other)' --tree monday.json --all
+  pleach query runs.store '(task-status ?task failed)' --all
+  pleach query runs.store '(task-status ?task failed)' --stored kitchen@2
+  pleach query runs.store '(task-status ?task failed)' --each --all
+  pleach query rules.plan '(both-hands ?one ?other)' --tree runs.store --stored kitchen
 
 The goal is what could stand after a head in `def-rules`; several goals must hold together. Words
 that begin with `?` are asked for, `?_` is anything. The file is a plan file, or Prolog text that ends
 in .pl; its top-level forms are run first. Goals about tasks see the tree of that, with --run that of
-the plan, with --tree that of an earlier run. `pleach doc rule` lists predicates of the library,
+the plan, with --tree that of an earlier run. Of a store they see the last tree, or the one that --stored
+names; the rules are those of its program. `pleach doc rule` lists predicates of the library,
 `pleach doc task-rule` those about tasks.
 
 An answer is a line `?x = value` for each variable, `true.` where there is none to ask for; if there
@@ -50,7 +56,7 @@ goal · 130 stopped by Ctrl-C.";
 /// `pleach query`
 #[derive(Args)]
 pub struct Query {
-    /// A plan file, or Prolog text (.pl)
+    /// A plan file, Prolog text (.pl), or a store
     file: PathBuf,
     /// What is to hold: (predicate ?x …)
     goal: String,
@@ -66,9 +72,15 @@ pub struct Query {
     /// An argument of the plan, as a form; once for each
     #[arg(long = "arg", value_name = "FORM", allow_hyphen_values = true, requires = "run")]
     args: Vec<String>,
-    /// A file that `pleach run --json` wrote: goals about tasks see its tree
+    /// A file that `pleach run --json` wrote, or a store: goals about tasks see its tree
     #[arg(long, value_name = "FILE")]
     tree: Option<PathBuf>,
+    /// Which tree of the store: NAME, NAME@VERSION, or the number of a run
+    #[arg(long, value_name = "NAME")]
+    stored: Option<String>,
+    /// Ask each version of each tree of the store
+    #[arg(long, conflicts_with_all = ["stored", "json"])]
+    each: bool,
     /// Why the goal holds, with the places of the rules; or why it does not
     #[arg(long, conflicts_with_all = ["all", "most", "plan"])]
     why: bool,
@@ -98,8 +110,8 @@ impl Output for Aside {
 pub fn run(it: Query) -> Answer {
     interrupt::listen();
     let mut session = Session::new(it.settings.options(term::error_style())?);
-    let tree = it.tree.as_deref().map(|path| read_tree(&session, path)).transpose()?;
-    let loaded = session.load_file(&it.file).map_err(|why| files::unreadable(&it.file, why))?;
+    let trees = trees(&session, &it)?;
+    let loaded = load(&mut session, &it)?;
     if !loaded.reports.iter().all(Report::is_warning) {
         return Ok(errors(&session, &it, &loaded.reports));
     }
@@ -131,10 +143,76 @@ pub fn run(it: Query) -> Answer {
         )),
         Ended::Ran(Ok(_)) => {}
     }
-    let code = ask(&mut session, &it, tree);
+    let code = ask_all(&mut session, &it, trees);
     // Freeing a large tree takes longer than leaving that to the system.
     std::mem::forget(session);
     code
+}
+
+/// The store that is asked.
+fn store_of(it: &Query) -> Option<&Path> {
+    let named = it.tree.as_deref().unwrap_or(&it.file);
+    Some(named).filter(|path| store::is_store(path))
+}
+
+/// The trees that goals see, each with its name where there are several; none for that of the run.
+fn trees(session: &Session, it: &Query) -> Result<Vec<(String, Option<Rc<TreeView>>)>, Trouble> {
+    let Some(path) = store_of(it) else {
+        if it.stored.is_some() || it.each {
+            let option = if it.each { "--each" } else { "--stored" };
+            let help = "name a store in the place of the file, or after --tree";
+            return Err(Trouble::new(format!("{option} is about a store, and there is none"), help));
+        }
+        let tree = it.tree.as_deref().map(|path| read_tree(session, path)).transpose()?;
+        return Ok(vec![(String::new(), tree)]);
+    };
+    let store = Store::read(path)?;
+    let versions = match it.each {
+        true => store.versions()?,
+        false => vec![keep::version(&store, it.stored.as_deref(), None)?],
+    };
+    let tree = |version: VersionRow| {
+        let nodes = Json::Array(super::tree::nodes(&store, &version)?);
+        let name = format!("{}@{}", vm::show::safe(&version.tree), version.version);
+        let view = session.tree_of_nodes(&nodes).map_err(|why| Trouble::from(format!("{name}: {why}")))?;
+        Ok((name, Some(view)))
+    };
+    versions.into_iter().map(tree).collect()
+}
+
+/// The rules: those of the file, or those of the program that a store has.
+fn load(session: &mut Session, it: &Query) -> Result<Loaded, Trouble> {
+    if !store::is_store(&it.file) {
+        return session.load_file(&it.file).map_err(|why| files::unreadable(&it.file, why));
+    }
+    if it.run.is_some() {
+        let help = "name the plan file in its place";
+        return Err(Trouble::new("--run needs a program, and a store is none", help));
+    }
+    let store = Store::read(&it.file)?;
+    let version = keep::version(&store, it.stored.as_deref(), None)?;
+    let source = match store.run(&version) {
+        Ok(run) => {
+            let files = store.program(&version, &run.program)?;
+            files.into_iter().find(|source| source.file == run.file).and_then(|source| source.text)
+        }
+        Err(StoreError::Missing { .. }) => None,
+        Err(error) => return Err(error.into()),
+    };
+    Ok(session.load_text("the program of the store", &source.unwrap_or_default()))
+}
+
+/// Asks each tree; the exit code is that of the best answer.
+fn ask_all(session: &mut Session, it: &Query, trees: Vec<(String, Option<Rc<TreeView>>)>) -> Answer {
+    let mut best = None;
+    for (name, tree) in trees {
+        if it.each {
+            term::say(&format!("% {name}\n"));
+        }
+        let code = ask(session, it, tree)?;
+        best = Some(best.map_or(code, |best: u8| best.min(code)));
+    }
+    Ok(best.unwrap_or(FAILED))
 }
 
 fn read_tree(session: &Session, path: &Path) -> Result<Rc<TreeView>, Trouble> {

@@ -10,7 +10,7 @@ use pleach::render::Style;
 use pleach::session::Output;
 use pleach::{Ended, Session, render};
 use serde_json::{Value as Json, json};
-use store::{Store, StoreError};
+use store::{Store, StoreError, Writer};
 use vm::log::Entry;
 use vm::machine::Machine;
 use vm::persist::SavedEdit;
@@ -94,9 +94,9 @@ pub struct Run {
 
 /// Names of trees are told from versions and numbers of runs.
 fn tree_name(text: &str) -> Result<String, String> {
-    match text.is_empty() || text.contains('@') || text.chars().all(|c| c.is_ascii_digit()) {
-        true => Err("a tree has a name that is no number and has no `@` in it".into()),
-        false => Ok(text.into()),
+    match vm::persist::is_tree_name(text) {
+        true => Ok(text.into()),
+        false => Err("a tree has a name that is no number and has no `@` in it".into()),
     }
 }
 
@@ -250,9 +250,13 @@ fn keeper(
     };
     for (edit, why) in &orphans {
         let edit = vm::show::safe(&edit.edit);
-        term::complain(&format!("note: an edit of the tree holds no more: {edit}\n  {}\n", vm::show::safe(why)));
+        term::complain(&format!(
+            "note: an edit of the tree holds no more: {edit}\n  {}\n",
+            vm::show::safe(why)
+        ));
     }
-    Keeper::begin(store, place, job, &session.files, base, orphans).map(Some)
+    let main = session.plan("main").filter(|_| job.plan.is_none()).map(|_| "main".to_string());
+    Keeper::begin(store, place, job, &session.files, main, base, orphans).map(Some)
 }
 
 /// The session goes on with a version of a tree. Answers the edits that hold no more.
@@ -529,6 +533,10 @@ impl Output for Console {
             let result = keeper.look(machine);
             self.kept(result);
         }
+    }
+    fn store(&mut self, store: &Path) -> Option<&mut Writer> {
+        let keeper = self.keeper.as_mut()?;
+        keeper.is_in(store).then(|| keeper.writer())
     }
     fn goes_on(&mut self) -> bool {
         self.rounds += 1;

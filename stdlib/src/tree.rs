@@ -3,6 +3,7 @@
 use std::rc::Rc;
 
 use vm::edit::{Edit, What};
+use vm::host::Request;
 use vm::machine::Ctx;
 use vm::native::{Next, Raise, range_error, type_error};
 use vm::path::{Path, PathStep};
@@ -32,6 +33,10 @@ natives! {
     "tree-notes" [1 2] => tree_notes;
     "tree-text" [1] in ctx => tree_text;
     "tree-edits" [1] => tree_edits;
+    "load-tree" [2 ..] in ctx Read => load_tree;
+    "save-tree" [3] in ctx Write => save_tree;
+    "versions" [2] in ctx Read => versions;
+    "diff-trees" [2] in ctx => diff_trees;
     "skip" [1 ..] => skip;
     "replace" [2 ..] => |args: &[Value]| with_code(args, What::Replace);
     "before" [2 ..] => |args: &[Value]| with_code(args, What::Before);
@@ -83,6 +88,57 @@ fn run_plan(_: &mut Ctx<'_>, args: &[Value]) -> Result<Next, Raise> {
 
 fn edit_tree(_: &mut Ctx<'_>, args: &[Value]) -> Result<Next, Raise> {
     Ok(Next::EditTree { tree: args[0].clone(), edits: args[1].clone() })
+}
+
+// ---------------------------------------------------------------------------------------------
+// In a store
+
+/// The name of a tree: a symbol or a text.
+fn tree_name(value: &Value) -> Result<String, Raise> {
+    match value.as_symbol() {
+        Some(name) => Ok(name.to_string()),
+        None => Ok(vm::native::str(value)?.to_string()),
+    }
+}
+
+/// The host answers with the rows of the tree.
+fn load_tree(_: &mut Ctx<'_>, args: &[Value]) -> Result<Next, Raise> {
+    let pairs = keywords(&args[2..], &["version"])?;
+    let version = match find(&pairs, "version").filter(|version| !version.is_nil()) {
+        None => None,
+        Some(version) => Some(version.as_int().ok_or_else(|| type_error("a number of a version", version))?),
+    };
+    let store = vm::native::str(&args[0])?.into();
+    Ok(Next::Ask(Request::LoadTree { store, tree: tree_name(&args[1])?, version }))
+}
+
+/// The host answers with the number of the version.
+fn save_tree(ctx: &mut Ctx<'_>, args: &[Value]) -> Result<Next, Raise> {
+    let (store, name) = (vm::native::str(&args[0])?.into(), tree_name(&args[1])?);
+    if !vm::persist::is_tree_name(&name) {
+        return Err(range_error("a tree has a name that is no number and has no `@` in it", &args[1]));
+    }
+    let saved = vm::persist::tree(ctx.program, tree(&args[2])?);
+    Ok(Next::Ask(Request::SaveTree { store, tree: name, rows: Rc::new(saved) }))
+}
+
+/// The host answers with a list of numbers.
+fn versions(_: &mut Ctx<'_>, args: &[Value]) -> Result<Next, Raise> {
+    let store = vm::native::str(&args[0])?.into();
+    Ok(Next::Ask(Request::Versions { store, tree: tree_name(&args[1])? }))
+}
+
+fn diff_trees(ctx: &mut Ctx<'_>, args: &[Value]) -> Result<Next, Raise> {
+    let nodes = |value: &Value| Ok::<_, Raise>(vm::show::json(ctx.program, tree(value)?));
+    let found = vm::persist::diff(&nodes(&args[0])?, &nodes(&args[1])?);
+    let difference = |it: vm::persist::Difference| {
+        let fields = it.fields.iter().map(|(field, one, other)| {
+            Value::list(vec![Value::symbol(field), Value::str(one.as_str()), Value::str(other.as_str())])
+        });
+        let head = [Value::str(it.path.as_str()), Value::symbol(it.kind.word())];
+        Value::list(head.into_iter().chain(fields).collect::<Vec<_>>())
+    };
+    Ok(Value::list(found.into_iter().map(difference).collect::<Vec<_>>()).into())
 }
 
 // ---------------------------------------------------------------------------------------------

@@ -1,9 +1,12 @@
 //! What the machine may not know by itself, given to it by whoever runs it.
 
+use std::rc::Rc;
+
 use serde_json::Value as Json;
 
 use crate::code::{FnId, Program};
 use crate::log::Entry;
+use crate::persist::SavedTree;
 use crate::value::Value;
 
 /// A question to the world outside of the run. Its answer becomes an event of the run's log.
@@ -20,6 +23,31 @@ pub enum Request {
     },
     /// Seconds since 1970 on the wall clock.
     Clock,
+    /// The rows of a tree of a store.
+    LoadTree {
+        /// The store.
+        store: String,
+        /// The name of the tree.
+        tree: String,
+        /// Its version; nothing for the last one.
+        version: Option<i64>,
+    },
+    /// Put a tree into a store.
+    SaveTree {
+        /// The store.
+        store: String,
+        /// The name of the tree.
+        tree: String,
+        /// What is put there.
+        rows: Rc<SavedTree>,
+    },
+    /// The numbers of the versions of a tree of a store.
+    Versions {
+        /// The store.
+        store: String,
+        /// The name of the tree.
+        tree: String,
+    },
 }
 
 /// Code for the machine to compile: the form of an edit, for the plan that it edits.
@@ -55,6 +83,11 @@ pub trait Host {
     /// # Errors
     /// The diagnostics, as text.
     fn compile(&mut self, program: &mut Program, code: CodeRequest<'_>) -> Result<FnId, String>;
+
+    /// How texts that `write` has printed become values again: for trees that have been kept.
+    fn reader(&self) -> Rc<dyn Fn(&str) -> Value> {
+        Rc::new(|text| Value::str(text))
+    }
 
     /// So much time of the task clock is about to pass while all tasks wait, in nanoseconds. Against the
     /// clock on the wall this takes that long. False if the run is to stop before.

@@ -177,6 +177,15 @@ impl Request {
                 format!("write {path} {:016x}", crate::random::hash_text(text))
             }
             Request::Clock => "clock".into(),
+            Request::LoadTree { store, tree, version: None } => format!("load {tree} from {store}"),
+            Request::LoadTree { store, tree, version: Some(version) } => {
+                format!("load {tree}@{version} from {store}")
+            }
+            Request::SaveTree { store, tree, rows } => {
+                let hash = crate::random::hash_text(&rows.rows().to_string());
+                format!("save {tree} to {store} {hash:016x}")
+            }
+            Request::Versions { store, tree } => format!("versions of {tree} in {store}"),
         }
     }
 }

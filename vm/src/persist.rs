@@ -97,6 +97,12 @@ pub struct SavedTree {
     pub edits: Vec<SavedEdit>,
 }
 
+/// Names of trees are told from versions and numbers of runs.
+#[must_use]
+pub fn is_tree_name(text: &str) -> bool {
+    !text.contains('@') && text.chars().any(|c| !c.is_ascii_digit())
+}
+
 // ---------------------------------------------------------------------------------------------
 // To rows
 
@@ -265,7 +271,7 @@ impl SavedTree {
         let mut nodes = Vec::new();
         let mut todo = vec![(ROOT.0, None::<usize>, String::from("top-level"))];
         while let Some((slot, parent, path)) = todo.pop() {
-            let Some(last) = places.records[slot as usize].last() else { continue };
+            let Some(last) = places.records.get(slot as usize).and_then(|all| all.last()) else { continue };
             let number = nodes.len();
             let mut node = self.node(slot, *last, parent, &path)?;
             let all = &places.records[slot as usize];
@@ -319,6 +325,8 @@ impl SavedTree {
         }
         match self.records.first() {
             Some(root) if root.slot == ROOT.0 => Ok(places),
+            // Of a run that was killed before its first batch there is nothing.
+            None if self.slots.is_empty() => Ok(places),
             _ => Err("there is no record of the root".into()),
         }
     }
@@ -330,9 +338,8 @@ impl SavedTree {
         let steps: Vec<u32> = chain.collect();
         let words = steps.iter().rev().filter_map(|at| {
             let it = self.slots.get(*at as usize - 1)?;
-            let same = |other: &&SavedSlot| {
-                other.parent == it.parent && other.name == it.name && other.place > 0
-            };
+            let same =
+                |other: &&SavedSlot| other.parent == it.parent && other.name == it.name && other.place > 0;
             let before = self.slots.iter().filter(same);
             let rank = before.filter(|other| (other.place, other.slot) < (it.place, it.slot)).count() + 1;
             Some(if rank == 1 { it.name.clone() } else { format!("{} :call {rank}", it.name) })
@@ -340,7 +347,13 @@ impl SavedTree {
         words.collect::<Vec<_>>().join(" / ")
     }
 
-    fn node(&self, slot: u32, at: u32, parent: Option<usize>, path: &str) -> Result<JsonMap<String, Json>, String> {
+    fn node(
+        &self,
+        slot: u32,
+        at: u32,
+        parent: Option<usize>,
+        path: &str,
+    ) -> Result<JsonMap<String, Json>, String> {
         let it = &self.records[at as usize - 1];
         let bad = |what: &str| format!("the {what} of record {at} are no JSON");
         let mut node = JsonMap::new();
@@ -433,7 +446,7 @@ impl Restored {
     /// A sentence that says which row does not fit to the others.
     pub fn new(saved: &SavedTree) -> Result<Restored, String> {
         saved.places()?;
-        let mut slots = vec![SlotId(0); saved.slots.len() + 1];
+        let mut slots = vec![SlotId(0); saved.slots.len().max(1) + 1];
         slots[ROOT.0 as usize] = ROOT;
         let mut tree = Tree::default();
         tree.begin();
@@ -508,7 +521,11 @@ impl Restored {
 
     /// The slots that an edit waits for and the rounds between; nothing if one is not there.
     #[must_use]
-    pub fn after(&self, program: &Program, after: &str) -> Option<(Vec<SlotId>, BTreeMap<SlotId, Vec<Step>>)> {
+    pub fn after(
+        &self,
+        program: &Program,
+        after: &str,
+    ) -> Option<(Vec<SlotId>, BTreeMap<SlotId, Vec<Step>>)> {
         let (mut slots, mut between) = (Vec::new(), BTreeMap::new());
         if after.is_empty() {
             return Some((slots, between));
@@ -544,7 +561,12 @@ impl Restored {
             }
             let rec = match it.record {
                 1 => RecId(1),
-                _ => self.tree.restore_record(parent, slot, word(NodeKind::ALL, NodeKind::word, &it.kind), it.start_ns),
+                _ => self.tree.restore_record(
+                    parent,
+                    slot,
+                    word(NodeKind::ALL, NodeKind::word, &it.kind),
+                    it.start_ns,
+                ),
             };
             recs[it.record as usize] = rec;
             self.fill(program, rec, it, read);
@@ -652,4 +674,186 @@ fn failure(program: &Program, json: &Json, read: &dyn Fn(&str) -> Value, depth: 
     let also = json["also"].as_array().into_iter().flatten();
     it.also = also.map(|json| failure(program, json, read, depth + 1)).collect();
     Value::failure(it)
+}
+
+// ---------------------------------------------------------------------------------------------
+// Rows as JSON
+
+impl SavedTree {
+    /// All rows as one JSON object, to be taken elsewhere.
+    #[must_use]
+    pub fn rows(&self) -> Json {
+        let slots = self
+            .slots
+            .iter()
+            .map(|it| json!([it.slot, it.parent, it.name, format!("{:016x}", it.site), it.steps, it.place]));
+        let records = self.records.iter().map(|it| {
+            json!([
+                it.record,
+                it.slot,
+                it.parent,
+                it.attempt,
+                it.kind,
+                it.status,
+                it.why,
+                it.start_ns,
+                it.end_ns,
+                it.params,
+                it.value,
+                it.failure,
+                it.more
+            ])
+        });
+        let edits = self.edits.iter().map(|it| json!([it.number, it.slot, it.edit, it.callee, it.after]));
+        json!({
+            "slots": slots.collect::<Json>(),
+            "records": records.collect::<Json>(),
+            "edits": edits.collect::<Json>(),
+        })
+    }
+
+    /// The way back of [`SavedTree::rows`].
+    ///
+    /// # Errors
+    /// A sentence that says which row is none.
+    pub fn from_rows(json: &Json) -> Result<SavedTree, String> {
+        fn rows<T>(json: &Json, key: &str, row: impl Fn(&Json) -> Option<T>) -> Result<Vec<T>, String> {
+            let rows = json[key].as_array().ok_or_else(|| format!("there is no list of {key}"))?;
+            let row = |(at, json)| row(json).ok_or_else(|| format!("{key}[{at}] is no row of them"));
+            rows.iter().enumerate().map(row).collect()
+        }
+        let number = |json: &Json, at: usize| u32::try_from(json.get(at)?.as_u64()?).ok();
+        let text = |json: &Json, at: usize| json.get(at)?.as_str().map(str::to_string);
+        // Nothing for what is no text, and nothing inside for what is not there.
+        let maybe = |json: &Json, at: usize| match json.get(at)? {
+            Json::Null => Some(None),
+            Json::String(text) => Some(Some(text.clone())),
+            _ => None,
+        };
+        let slot = |it: &Json| {
+            Some(SavedSlot {
+                slot: number(it, 0)?,
+                parent: number(it, 1)?,
+                name: text(it, 2)?,
+                site: u64::from_str_radix(&text(it, 3)?, 16).ok()?,
+                steps: text(it, 4)?,
+                place: number(it, 5)?,
+            })
+        };
+        let record = |it: &Json| {
+            Some(SavedRecord {
+                record: number(it, 0)?,
+                slot: number(it, 1)?,
+                parent: number(it, 2)?,
+                attempt: number(it, 3)?,
+                kind: text(it, 4)?.into(),
+                status: text(it, 5)?.into(),
+                why: text(it, 6)?.into(),
+                start_ns: it.get(7)?.as_u64()?,
+                end_ns: it.get(8)?.as_u64(),
+                params: text(it, 9)?,
+                value: maybe(it, 10)?,
+                failure: maybe(it, 11)?,
+                more: maybe(it, 12)?,
+            })
+        };
+        let edit = |it: &Json| {
+            Some(SavedEdit {
+                number: number(it, 0)?,
+                slot: number(it, 1)?,
+                edit: text(it, 2)?,
+                callee: text(it, 3)?,
+                after: text(it, 4)?,
+            })
+        };
+        let tree = SavedTree {
+            slots: rows(json, "slots", slot)?,
+            records: rows(json, "records", record)?,
+            edits: rows(json, "edits", edit)?,
+        };
+        tree.places()?;
+        Ok(tree)
+    }
+}
+
+// ---------------------------------------------------------------------------------------------
+// Comparing
+
+/// A difference between two trees.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Difference {
+    /// The path of the task.
+    pub path: String,
+    /// Only in the first, only in the second, or in both but not the same.
+    pub kind: DifferenceKind,
+    /// What is said of it in the first tree and in the second: fields that differ, with their texts.
+    pub fields: Vec<(String, String, String)>,
+}
+
+/// Where a task is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum DifferenceKind {
+    /// Only in the first tree.
+    Gone,
+    /// Only in the second.
+    New,
+    /// In both.
+    Changed,
+}
+
+impl DifferenceKind {
+    /// The word for it.
+    #[must_use]
+    pub fn word(self) -> &'static str {
+        match self {
+            DifferenceKind::Gone => "gone",
+            DifferenceKind::New => "new",
+            DifferenceKind::Changed => "changed",
+        }
+    }
+}
+
+/// What differs between two trees, given as the nodes of [`show::json`]: tasks are the same if their paths are.
+/// When they ran is no difference.
+#[must_use]
+pub fn diff(one: &Json, other: &Json) -> Vec<Difference> {
+    const FIELDS: &[&str] =
+        &["status", "why", "attempt", "params", "value", "failure", "grounded", "edits", "notes"];
+    fn nodes(json: &Json) -> impl Iterator<Item = (&str, &Json)> {
+        json.as_array().into_iter().flatten().filter_map(|node| Some((node["path"].as_str()?, node)))
+    }
+    fn text(json: &Json) -> String {
+        match json {
+            Json::Null => String::new(),
+            Json::String(text) => text.clone(),
+            other => other.to_string(),
+        }
+    }
+    let before: BTreeMap<&str, &Json> = nodes(one).collect();
+    let after: BTreeMap<&str, &Json> = nodes(other).collect();
+    let status = |node: &Json| text(&node["status"]);
+    let mut found = Vec::new();
+    for (path, node) in nodes(one) {
+        let difference = |kind, fields| Difference { path: path.into(), kind, fields };
+        match after.get(path) {
+            None => {
+                let fields = vec![("status".to_string(), status(node), String::new())];
+                found.push(difference(DifferenceKind::Gone, fields));
+            }
+            Some(other) => {
+                let differing = FIELDS.iter().filter(|field| node[**field] != other[**field]);
+                let fields: Vec<_> = differing
+                    .map(|field| ((*field).to_string(), text(&node[*field]), text(&other[*field])))
+                    .collect();
+                if !fields.is_empty() {
+                    found.push(difference(DifferenceKind::Changed, fields));
+                }
+            }
+        }
+    }
+    for (path, node) in nodes(other).filter(|(path, _)| !before.contains_key(path)) {
+        let fields = vec![("status".to_string(), String::new(), status(node))];
+        found.push(Difference { path: path.into(), kind: DifferenceKind::New, fields });
+    }
+    found
 }

@@ -73,9 +73,7 @@ pub(crate) fn args_of_names(
         NodeKind::Action => vec![Symbol::from(DESCRIPTION)],
         _ => plan_params(program, tree, rec).map_or_else(Vec::new, |params| params.names.clone()),
     };
-    let place = |name: &Symbol| {
-        names.iter().position(|known| known == name).or_else(|| name.parse().ok())
-    };
+    let place = |name: &Symbol| names.iter().position(|known| known == name).or_else(|| name.parse().ok());
     let mut args: Vec<Value> = Vec::new();
     for (name, value) in params {
         let Some(at) = place(&name).filter(|at| *at < usize::from(u8::MAX)) else { continue };

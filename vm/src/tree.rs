@@ -666,7 +666,13 @@ impl Tree {
     }
 
     /// A record of a saved tree, without parameters.
-    pub(crate) fn restore_record(&mut self, parent: RecId, slot: SlotId, kind: NodeKind, start: u64) -> RecId {
+    pub(crate) fn restore_record(
+        &mut self,
+        parent: RecId,
+        slot: SlotId,
+        kind: NodeKind,
+        start: u64,
+    ) -> RecId {
         self.enter(parent, slot, kind, &[], start)
     }
 

@@ -70,7 +70,8 @@ impl StoreError {
         Some(match self {
             StoreError::Cannot { .. } => return None,
             StoreError::Foreign { .. } => {
-                "name a store, or a file that is not there yet: `pleach run FILE --store STORE` makes it".into()
+                "name a store, or a file that is not there yet: `pleach run FILE --store STORE` makes it"
+                    .into()
             }
             StoreError::Format { .. } => "use the pleach that wrote it".into(),
             StoreError::Busy { .. } => "wait until it has ended, or use another store".into(),

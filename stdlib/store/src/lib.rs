@@ -18,9 +18,11 @@ mod open;
 mod read;
 pub mod schema;
 mod sum;
+#[cfg(test)]
+mod tests;
 mod write;
 
 pub use error::StoreError;
 pub use open::{Store, is_store};
 pub use read::{Finding, RunRow, VersionRow};
-pub use write::{Begin, Source, Writer};
+pub use write::{Begin, Source, Writer, own_name};

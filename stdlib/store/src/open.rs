@@ -44,7 +44,9 @@ impl Store {
         let attempt = |immutable: bool| {
             let db = match immutable {
                 false => Connection::open_with_flags(path, flags)?,
-                true => Connection::open_with_flags(immutable_name(path), flags | OpenFlags::SQLITE_OPEN_URI)?,
+                true => {
+                    Connection::open_with_flags(immutable_name(path), flags | OpenFlags::SQLITE_OPEN_URI)?
+                }
             };
             prepare(&db)?;
             // Only now the file is looked at.
@@ -70,14 +72,20 @@ impl Store {
             return Err(StoreError::Foreign { path: path.into(), why: "it is another kind of file".into() });
         }
         let lock = lock(path)?;
+        Store::write_locked(path, Some(lock))
+    }
+
+    /// The same where the lock is held.
+    pub(crate) fn write_locked(path: &Path, lock: Option<File>) -> Result<Store, StoreError> {
         let cannot = |error: rusqlite::Error| StoreError::of(path, true, &error);
         let flags = OpenFlags::SQLITE_OPEN_READ_WRITE
             | OpenFlags::SQLITE_OPEN_CREATE
             | OpenFlags::SQLITE_OPEN_NO_MUTEX;
         let db = Connection::open_with_flags(path, flags).map_err(cannot)?;
         prepare(&db).map_err(cannot)?;
-        let store = Store { db, path: path.into(), _lock: Some(lock), writes: true };
-        if !holds_something {
+        let store = Store { db, path: path.into(), _lock: lock, writes: true };
+        let is_new = || store.db.query_row("SELECT count(*) = 0 FROM sqlite_schema", [], |row| row.get(0));
+        if is_new().map_err(cannot)? {
             store.create().map_err(cannot)?;
         }
         store.check_format()?;
@@ -114,8 +122,10 @@ impl Store {
         }
         let mut statement =
             self.db.prepare("SELECT type, name, tbl_name, sql FROM sqlite_schema").map_err(of)?;
-        let text = |row: &rusqlite::Row<'_>, at| row.get::<_, Option<String>>(at).map(Option::unwrap_or_default);
-        let rows = statement.query_map([], |row| Ok((text(row, 0)?, text(row, 1)?, text(row, 2)?, text(row, 3)?)));
+        let text =
+            |row: &rusqlite::Row<'_>, at| row.get::<_, Option<String>>(at).map(Option::unwrap_or_default);
+        let rows =
+            statement.query_map([], |row| Ok((text(row, 0)?, text(row, 1)?, text(row, 2)?, text(row, 3)?)));
         let rows: rusqlite::Result<Vec<_>> = rows.map_err(of)?.collect();
         let rows = rows.map_err(of)?;
         for (kind, name, table, text) in &rows {

@@ -101,7 +101,9 @@ impl Store {
         };
         let rows = read().map_err(|error| self.error(&error))?;
         match rows.iter().find(|(_, fits)| !fits) {
-            Some((row, _)) => Err(self.damaged(row, None, "its row in `versions` is not what was written".into())),
+            Some((row, _)) => {
+                Err(self.damaged(row, None, "its row in `versions` is not what was written".into()))
+            }
             None => Ok(rows.into_iter().map(|(row, _)| row).collect()),
         }
     }
@@ -114,7 +116,9 @@ impl Store {
         let row = self.db.query_row(&format!("{VERSION} WHERE id = ?"), [id], version_row);
         match row {
             Ok((row, true)) => Ok(row),
-            Ok((row, false)) => Err(self.damaged(&row, None, "its row in `versions` is not what was written".into())),
+            Ok((row, false)) => {
+                Err(self.damaged(&row, None, "its row in `versions` is not what was written".into()))
+            }
             Err(rusqlite::Error::QueryReturnedNoRows) => Err(self.missing(format!("there is no run {id}"))),
             Err(error) => Err(self.error(&error)),
         }
@@ -209,7 +213,9 @@ impl Store {
                 let what = format!("version {} of {} was not made by a run", of.version, of.tree);
                 Err(StoreError::Missing { what, help: "it can be shown and asked, but not run again".into() })
             }
-            Err(rusqlite::Error::QueryReturnedNoRows) => Err(self.damaged(of, None, "its row in `runs` is not there".into())),
+            Err(rusqlite::Error::QueryReturnedNoRows) => {
+                Err(self.damaged(of, None, "its row in `runs` is not there".into()))
+            }
             Err(error) => Err(self.within(of, None, Trouble::Sqlite(error), "`runs`")),
         }
     }
@@ -220,8 +226,9 @@ impl Store {
     /// A row is damaged.
     pub fn program(&self, of: &VersionRow, program: &str) -> Result<Vec<Source>, StoreError> {
         let read = || -> Rows<Source> {
-            let mut statement =
-                self.db.prepare("SELECT file, hash, source, sum FROM programs WHERE program = ? ORDER BY file")?;
+            let mut statement = self
+                .db
+                .prepare("SELECT file, hash, source, sum FROM programs WHERE program = ? ORDER BY file")?;
             let rows = statement.query_map([program], |row| {
                 let source = Source { file: row.get(0)?, hash: row.get(1)?, text: row.get(2)? };
                 let sum = Sum::of("programs").text(program).text(&source.file).text(&source.hash);
@@ -252,7 +259,10 @@ impl Store {
                 Ok((number, Entry::from_json(&line), fits))
             })?;
             let rows = gapless(of.entries, rows, |(number, entry, fits)| (number, (entry, fits)))?;
-            (1..).zip(rows).map(|(at, (entry, fits))| fitting(at, (entry, fits))?.ok_or(Trouble::Row(at, "is no entry"))).collect()
+            (1..)
+                .zip(rows)
+                .map(|(at, (entry, fits))| fitting(at, (entry, fits))?.ok_or(Trouble::Row(at, "is no entry")))
+                .collect()
         };
         let entries = read().map_err(|trouble| self.within(of, Some("entries"), trouble, "`log`"))?;
         let mut log = Log::default();
@@ -342,12 +352,14 @@ impl Store {
                     after: row.get(4)?,
                 };
                 let (origin, orphan): (String, Option<String>) = (row.get(5)?, row.get(6)?);
-                let fits = edit_sum(of.id, number, &edit, &origin, orphan.as_deref()) == row.get::<_, i64>(7)?;
+                let fits =
+                    edit_sum(of.id, number, &edit, &origin, orphan.as_deref()) == row.get::<_, i64>(7)?;
                 Ok((number, (edit, orphan), fits))
             })?;
             let rows: rusqlite::Result<Vec<_>> = rows.collect();
             let (held, orphans): (Vec<_>, Vec<_>) = rows?.into_iter().partition(|it| it.0 > 0);
-            let held = gapless(of.edits, held.into_iter().map(Ok), |(number, edit, fits)| (number, (edit, fits)))?;
+            let held =
+                gapless(of.edits, held.into_iter().map(Ok), |(number, edit, fits)| (number, (edit, fits)))?;
             let orphans = orphans.into_iter().map(|(_, edit, fits)| (edit, fits));
             all_fit(held.into_iter().chain(orphans).collect())
         };
@@ -406,7 +418,8 @@ impl Store {
         let mut work = || -> rusqlite::Result<()> {
             let all = self.db.transaction()?;
             for id in versions {
-                for table in ["versions", "runs", "batches", "log", "slots", "records", "edits", "decisions"] {
+                for table in ["versions", "runs", "batches", "log", "slots", "records", "edits", "decisions"]
+                {
                     all.execute(&format!("DELETE FROM {table} WHERE id = ?"), [id])?;
                 }
             }

@@ -87,8 +87,9 @@ pub struct Writer {
     looked: u64,
 }
 
-/// A tree of its own is called by its number.
-fn own_name(id: i64) -> String {
+/// The tree of a run that goes on with none is called by its number.
+#[must_use]
+pub fn own_name(id: i64) -> String {
     format!("run-{id}")
 }
 
@@ -105,7 +106,9 @@ impl Writer {
         let tree = begin.tree.clone().unwrap_or_else(|| own_name(next));
         let version: i64 = store
             .db
-            .query_row("SELECT coalesce(max(version), 0) + 1 FROM versions WHERE tree = ?", [&tree], |row| row.get(0))
+            .query_row("SELECT coalesce(max(version), 0) + 1 FROM versions WHERE tree = ?", [&tree], |row| {
+                row.get(0)
+            })
             .map_err(|error| store.error(&error))?;
         let base = begin.base;
         let mut writer = Writer::new(store, next, tree, version, base, begin);
@@ -171,6 +174,12 @@ impl Writer {
         writer.least = (row.slots, row.records, row.edits, row.steps);
         writer.silent_until = row.steps as u64;
         Ok(writer)
+    }
+
+    /// How often the store has been called.
+    #[must_use]
+    pub fn calls(&self) -> u64 {
+        self.calls.get()
     }
 
     /// What came from outside; it is written with the next batch.
@@ -249,14 +258,22 @@ impl Writer {
     ///
     /// # Errors
     /// The store cannot be written.
-    pub fn put(store: Store, tree: &str, base: Option<i64>, saved: &SavedTree, origin: &str) -> Result<Writer, StoreError> {
+    pub fn put(
+        store: Store,
+        tree: &str,
+        base: Option<i64>,
+        saved: &SavedTree,
+        origin: &str,
+    ) -> Result<Writer, StoreError> {
         let next: i64 = store
             .db
             .query_row("SELECT coalesce(max(id), 0) + 1 FROM versions", [], |row| row.get(0))
             .map_err(|error| store.error(&error))?;
         let version: i64 = store
             .db
-            .query_row("SELECT coalesce(max(version), 0) + 1 FROM versions WHERE tree = ?", [tree], |row| row.get(0))
+            .query_row("SELECT coalesce(max(version), 0) + 1 FROM versions WHERE tree = ?", [tree], |row| {
+                row.get(0)
+            })
             .map_err(|error| store.error(&error))?;
         let mut writer = Writer::new(store, next, tree.into(), version, base, Begin::default());
         writer.in_batch(|it| {
@@ -270,10 +287,23 @@ impl Writer {
         Ok(writer)
     }
 
+    /// Writes another tree into the store that this run is kept in. Answers its version.
+    ///
+    /// # Errors
+    /// The store cannot be written.
+    pub fn put_beside(&self, tree: &str, saved: &SavedTree, origin: &str) -> Result<i64, StoreError> {
+        // The lock is held already, by this writer.
+        let store = Store::write_locked(&self.store.path, None)?;
+        Writer::put(store, tree, None, saved, origin).map(|writer| writer.version)
+    }
+
     // ------------------------------------------------------------------ batches
 
     /// Writes in one transaction: all of it or nothing.
-    fn in_batch(&mut self, write: impl FnOnce(&mut Writer) -> rusqlite::Result<()>) -> Result<(), StoreError> {
+    fn in_batch(
+        &mut self,
+        write: impl FnOnce(&mut Writer) -> rusqlite::Result<()>,
+    ) -> Result<(), StoreError> {
         self.batches += 1;
         let done = self.run("BEGIN IMMEDIATE").and_then(|()| {
             write(self)?;
@@ -426,7 +456,12 @@ impl Writer {
         Ok(())
     }
 
-    fn write_slot_of(&mut self, program: &Program, tree: &Tree, id: vm::tree::SlotId) -> rusqlite::Result<()> {
+    fn write_slot_of(
+        &mut self,
+        program: &Program,
+        tree: &Tree,
+        id: vm::tree::SlotId,
+    ) -> rusqlite::Result<()> {
         let row = persist::slot(program, tree, id);
         let at = id.0 as usize;
         if self.places.len() <= at {
@@ -452,8 +487,21 @@ impl Writer {
         self.execute(
             "INSERT OR REPLACE INTO records VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
             params![
-                id, row.record, row.slot, row.parent, row.attempt, row.kind, row.status, row.why, start, end,
-                row.params, row.value, row.failure, row.more, sum
+                id,
+                row.record,
+                row.slot,
+                row.parent,
+                row.attempt,
+                row.kind,
+                row.status,
+                row.why,
+                start,
+                end,
+                row.params,
+                row.value,
+                row.failure,
+                row.more,
+                sum
             ],
         )
     }

@@ -1,11 +1,15 @@
 //! Turns of tasks, and what happens between two rounds: the clock, timers, answers, deadlock.
 
+use serde_json::Value as Json;
+
+use crate::code::SiteId;
 use crate::failure::{Builtin, Failure};
 use crate::host::{Host, Request};
 use crate::log::{Entry, Event, Question};
 use crate::native::Raise;
+use crate::persist::SavedTree;
 use crate::tree::Status;
-use crate::value::Value;
+use crate::value::{Obj, Value};
 
 use super::super::call::Slow;
 use super::super::cleanup::{CleanUp, too_long};
@@ -246,15 +250,31 @@ impl Machine {
                 entry
             }
         };
-        let run = self.top();
         for (it, event) in asked.iter().zip(entry.events) {
-            match event.answer {
-                Ok(answer) => run.set_register(it.task, it.register, from_json(&answer)),
+            let value = event.answer.and_then(|answer| match &it.request {
+                Request::LoadTree { .. } => self.loaded_tree(host, &answer),
+                _ => Ok(from_json(&answer)),
+            });
+            let run = self.top();
+            match value {
+                Ok(value) => run.set_register(it.task, it.register, value),
                 Err(why) => run.tasks.get_mut(it.task).will_raise(no_answer(&it.request, why)),
             }
             run.tasks.make_ready(it.task);
         }
         Ok(())
+    }
+
+    /// A tree from its rows.
+    fn loaded_tree(&mut self, host: &mut dyn Host, rows: &Json) -> Result<Value, String> {
+        let saved = SavedTree::from_rows(rows)?;
+        let read = host.reader();
+        let (tree, orphans) = self.restore(host, &saved, Some(SiteId(0)), &*read)?;
+        for (edit, why) in orphans {
+            let line = format!("an edit of the tree holds no more: {}: {why}", edit.edit);
+            host.complain(&crate::show::safe(&line));
+        }
+        Ok(Value::new(Obj::Tree(std::rc::Rc::new(tree))))
     }
 
     /// Raises a failure between two rounds, in the task that ran last or else in the root.
@@ -324,6 +344,9 @@ impl Machine {
 fn no_answer(request: &Request, why: String) -> Raise {
     let path = match request {
         Request::ReadFile(path) | Request::WriteFile { path, .. } => Value::str(path.as_str()),
+        Request::LoadTree { store, .. }
+        | Request::SaveTree { store, .. }
+        | Request::Versions { store, .. } => Value::str(store.as_str()),
         Request::Clock => Value::NIL,
     };
     Box::new(Failure::with(Builtin::FileFailure, vec![("message", Value::str(why)), ("path", path)]))

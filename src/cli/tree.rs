@@ -1,0 +1,332 @@
+//! `pleach tree`: looks at the trees of a store.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use serde_json::{Value as Json, json};
+use store::{Store, StoreError, VersionRow};
+use vm::show::safe;
+
+use super::{Answer, FAILED, Trouble, keep, term};
+
+pub const HELP: &str = "\
+Examples:
+  pleach tree runs.store                             all trees and their versions
+  pleach tree runs.store kitchen                     the last version of a tree
+  pleach tree runs.store kitchen --version 2         another one; also: kitchen@2, or the number of its run
+  pleach tree runs.store kitchen --path 'fetching'   what is at paths that end so, and below
+  pleach tree runs.store kitchen --path 'transporting :call 2 / fetching'
+  pleach tree runs.store --diff kitchen@1 kitchen@2
+  pleach tree runs.store kitchen --dot | dot -Tsvg > kitchen.svg
+
+With --json stdout is one object: {versions: [{run, tree, version, base, file, plan, seed, outcome, value,
+nodes, edits, steps, clock}]}, {tree: […]} as `pleach run --json` has it, or with --diff {differences:
+[{path, kind, fields: {field: [first, second]}}]}, where kind is gone, new or changed.
+Exit codes: 0 shown, or no difference · 1 there are differences · 2 it cannot be shown.";
+
+/// Longer texts in a line are cut, in characters.
+const LONGEST: usize = 60;
+/// How many nodes are shown without --all.
+const MOST_NODES: usize = 500;
+
+/// `pleach tree`
+#[derive(Args)]
+pub struct Tree {
+    /// The store
+    store: PathBuf,
+    /// A tree, NAME@VERSION, or the number of a run; without, all are listed
+    name: Option<String>,
+    /// The version of the tree; without, the last one
+    #[arg(long, value_name = "N", requires = "name")]
+    version: Option<i64>,
+    /// Only what is at paths that end so: `fetching`, `transporting[*] / fetching`, `a :call 2 / b`
+    #[arg(long, value_name = "PATTERN", requires = "name")]
+    path: Option<String>,
+    /// What differs between two versions
+    #[arg(long, num_args = 2, value_names = ["A", "B"], conflicts_with_all = ["name", "dot"])]
+    diff: Option<Vec<String>>,
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
+    /// Print a graph for Graphviz
+    #[arg(long, requires = "name", conflicts_with = "json")]
+    dot: bool,
+    /// Show the whole tree, however large
+    #[arg(long)]
+    all: bool,
+}
+
+/// Shows.
+pub fn run(it: &Tree) -> Answer {
+    let store = Store::read(&it.store)?;
+    if let Some(pair) = &it.diff {
+        return diff(&store, pair, it.json);
+    }
+    let Some(name) = &it.name else { return list(&store, it.json) };
+    let version = keep::version(&store, Some(name), it.version)?;
+    let mut nodes = nodes(&store, &version)?;
+    if let Some(pattern) = &it.path {
+        nodes = below(nodes, pattern)?;
+    }
+    match (it.json, it.dot) {
+        (true, _) => term::say(&format!("{}\n", json!({"tree": nodes}))),
+        (_, true) => term::say(&dot(&nodes)),
+        _ => {
+            let most = if it.all { usize::MAX } else { MOST_NODES };
+            term::say(&term::paint_tree(&text(&nodes, most), term::out_style()));
+            orphans(&store, &version)?;
+        }
+    }
+    Ok(0)
+}
+
+/// The nodes of a stored version.
+pub fn nodes(store: &Store, version: &VersionRow) -> Result<Vec<Json>, Trouble> {
+    let wrong = |what| {
+        let (path, tree) = (store.path.clone(), version.tree.clone());
+        let version = version.version.to_string();
+        Trouble::from(StoreError::Damaged { path, tree, version, batch: None, what })
+    };
+    match store.tree(version)?.json().map_err(wrong)? {
+        Json::Array(nodes) => Ok(nodes),
+        _ => Ok(Vec::new()),
+    }
+}
+
+fn orphans(store: &Store, version: &VersionRow) -> Result<(), Trouble> {
+    for (edit, why) in store.edits(version)? {
+        if let Some(why) = why {
+            term::say(&format!("an edit holds no more: {}\n  {}\n", safe(&edit.edit), safe(&why)));
+        }
+    }
+    Ok(())
+}
+
+/// All versions.
+fn list(store: &Store, as_json: bool) -> Answer {
+    let mut rows = Vec::new();
+    for version in store.versions()? {
+        let run = match store.run(&version) {
+            Ok(run) => Some(run),
+            Err(StoreError::Missing { .. }) => None,
+            Err(error) => return Err(error.into()),
+        };
+        rows.push(json!({
+            "run": version.id, "tree": version.tree, "version": version.version, "base": version.base,
+            "file": run.as_ref().map(|run| &run.file), "plan": run.as_ref().map(|run| &run.plan),
+            "seed": run.as_ref().map(|run| &run.seed),
+            "outcome": run.as_ref().map_or("saved", |run| &run.outcome),
+            "value": run.as_ref().map(|run| &run.value), "nodes": version.records, "edits": version.edits,
+            "steps": version.steps, "clock": run.as_ref().map(|run| run.clock_ns as f64 / 1e9),
+        }));
+    }
+    if as_json {
+        term::say(&format!("{}\n", json!({"versions": rows})));
+        return Ok(0);
+    }
+    if rows.is_empty() {
+        term::say("the store is empty\n");
+        return Ok(0);
+    }
+    term::say(&format!(
+        "{:>5}  {:<24} {:<12} {:>9} {:>6}  file\n",
+        "run", "tree", "outcome", "nodes", "edits"
+    ));
+    for row in rows {
+        let name = format!("{}@{}", safe(row["tree"].as_str().unwrap_or_default()), row["version"]);
+        let word = |key: &str| safe(row[key].as_str().unwrap_or_default());
+        let line = format!(
+            "{:>5}  {name:<24} {:<12} {:>9} {:>6}  {} {}",
+            row["run"].to_string(),
+            word("outcome"),
+            row["nodes"].to_string(),
+            row["edits"].to_string(),
+            word("file"),
+            word("plan"),
+        );
+        term::say(&format!("{}\n", line.trim_end()));
+    }
+    Ok(0)
+}
+
+/// Nodes whose paths end so, with all below them.
+fn below(nodes: Vec<Json>, pattern: &str) -> Result<Vec<Json>, Trouble> {
+    let steps: Option<Vec<(String, Option<String>)>> = pattern.split('/').map(step).collect();
+    let Some(steps) = steps else {
+        let what = format!("`{}` is no pattern of paths", safe(pattern));
+        return Err(Trouble::new(
+            what,
+            "for example: --path 'transporting :call 2 / fetching', --path 'fetching[*]'",
+        ));
+    };
+    let ends = |path: &str| {
+        let path: Option<Vec<_>> = path.split(" / ").map(step).collect();
+        let Some(path) = path.filter(|path| path.len() >= steps.len()) else { return false };
+        let ended = path[path.len() - steps.len()..].iter().zip(&steps);
+        ended.into_iter().all(|((name, call), (wanted, rank))| {
+            let call = call.as_deref().unwrap_or("1");
+            name == wanted && rank.as_deref().is_none_or(|rank| rank == call)
+        })
+    };
+    // A node is kept if it fits or its parent is kept; numbers of parents change with what is left out.
+    let mut kept: Vec<Option<usize>> = vec![None; nodes.len()];
+    let mut out = Vec::new();
+    for (at, mut node) in nodes.into_iter().enumerate() {
+        let parent = node["parent"].as_u64().and_then(|parent| *kept.get(parent as usize)?);
+        if parent.is_none() && !node["path"].as_str().is_some_and(ends) {
+            continue;
+        }
+        node["parent"] = json!(parent);
+        kept[at] = Some(out.len());
+        out.push(node);
+    }
+    match out.is_empty() {
+        true => {
+            Err(Trouble::from(format!("no task of the tree has a path that ends with `{}`", safe(pattern))))
+        }
+        false => Ok(out),
+    }
+}
+
+/// A step of a path or a pattern: a name, and the number of the call where it is given.
+fn step(text: &str) -> Option<(String, Option<String>)> {
+    let text = text.trim();
+    let (name, call) = match text.rsplit_once(" :call ") {
+        Some((name, call)) => (name, Some(call.trim().to_string())),
+        None => (text.strip_suffix("[*]").unwrap_or(text), None),
+    };
+    (!name.is_empty()).then(|| (name.trim().to_string(), call))
+}
+
+fn brief(text: &str) -> String {
+    match text.char_indices().nth(LONGEST) {
+        Some((at, _)) => format!("{} …", &text[..at]),
+        None => text.to_string(),
+    }
+}
+
+/// What became of a node, in a few words.
+fn outcome(node: &Json) -> String {
+    let word = |key: &str| node[key].as_str().unwrap_or_default();
+    let mut words = word("status").to_string();
+    if !word("why").is_empty() {
+        words += &format!(" ({})", word("why"));
+    }
+    match (word("status"), node["failure"]["type"].as_str()) {
+        ("failed", Some(failure)) => words += &format!(": {failure}"),
+        ("evaporated", Some(failure)) => words += &format!(", its clean-up failed: {failure}"),
+        ("succeeded" | "skipped", _) if word("value") != "nil" => {
+            words += &format!(" → {}", brief(word("value")));
+        }
+        _ => {}
+    }
+    words
+}
+
+fn line(node: &Json) -> String {
+    let params = node["params"].as_object().into_iter().flatten();
+    let params = params.filter_map(|(_, value)| value.as_str()).map(brief);
+    let words: Vec<String> = node["name"].as_str().map(str::to_string).into_iter().chain(params).collect();
+    let mut line = format!("{}  {}", words.join(" "), outcome(node));
+    if let Some(attempt) = node["attempt"].as_u64().filter(|attempt| *attempt > 1) {
+        line += &format!(", attempt {attempt}");
+    }
+    if let (Some(start), Some(end)) = (node["start"].as_f64(), node["end"].as_f64())
+        && start != end
+    {
+        line += &format!("  [{start} – {end} s]");
+    }
+    for note in node["notes"].as_array().into_iter().flatten().filter_map(Json::as_str) {
+        line += &format!("  ({note})");
+    }
+    safe(&line)
+}
+
+/// A line for each node.
+fn text(nodes: &[Json], most: usize) -> String {
+    let parent = |node: &Json| node["parent"].as_u64().and_then(|at| usize::try_from(at).ok());
+    // The last child of each node has nothing below it on its level.
+    let mut last: Vec<Option<usize>> = vec![None; nodes.len()];
+    for (at, node) in nodes.iter().enumerate() {
+        if let Some(parent) = parent(node) {
+            last[parent] = Some(at);
+        }
+    }
+    const WIDEST: usize = 400;
+    let mut indents: Vec<String> = Vec::with_capacity(nodes.len());
+    let mut out = String::new();
+    for (at, node) in nodes.iter().enumerate() {
+        if at == most {
+            out += &format!("… and more: {} nodes in all; --all shows them\n", nodes.len());
+            break;
+        }
+        let (lead, below) = match parent(node) {
+            None => (String::new(), String::new()),
+            Some(above) => {
+                let indent = &indents[above];
+                let (branch, below) =
+                    if last[above] == Some(at) { ("└─ ", "   ") } else { ("├─ ", "│  ") };
+                let deeper = if indent.len() < WIDEST { format!("{indent}{below}") } else { indent.clone() };
+                (format!("{indent}{branch}"), deeper)
+            }
+        };
+        indents.push(below);
+        out += &format!("{lead}{}\n", line(node));
+    }
+    out
+}
+
+/// The tree as a graph in the language of Graphviz.
+fn dot(nodes: &[Json]) -> String {
+    let quoted = |text: &str| safe(text).replace('\\', "\\\\").replace('"', "\\\"");
+    let mut out =
+        String::from("digraph tree {\n  node [shape=box, style=filled, fontname=\"sans-serif\"];\n");
+    for (at, node) in nodes.iter().enumerate() {
+        let colour = match node["status"].as_str() {
+            Some("succeeded") => "#d5f0d5",
+            Some("failed") => "#f5c8c8",
+            Some("skipped" | "evaporated" | "deferred") => "#f5ecc0",
+            _ => "#d0e4f5",
+        };
+        let name = quoted(node["name"].as_str().unwrap_or_default());
+        out += &format!("  n{at} [label=\"{name}\\n{}\", fillcolor=\"{colour}\"];\n", quoted(&outcome(node)));
+        if let Some(parent) = node["parent"].as_u64() {
+            out += &format!("  n{parent} -> n{at};\n");
+        }
+    }
+    out + "}\n"
+}
+
+fn diff(store: &Store, pair: &[String], as_json: bool) -> Answer {
+    let [one, other] = pair else { return Ok(FAILED) };
+    let of = |word: &str| -> Result<Json, Trouble> {
+        Ok(Json::Array(nodes(store, &keep::version(store, Some(word), None)?)?))
+    };
+    let found = vm::persist::diff(&of(one)?, &of(other)?);
+    if as_json {
+        let differences = found.iter().map(|it| {
+            let fields = it.fields.iter().map(|(field, a, b)| (field.clone(), json!([a, b])));
+            json!({"path": it.path, "kind": it.kind.word(), "fields": Json::Object(fields.collect())})
+        });
+        term::say(&format!("{}\n", json!({"differences": differences.collect::<Json>()})));
+    } else {
+        for it in &found {
+            let sign = match it.kind {
+                vm::persist::DifferenceKind::Gone => "-",
+                vm::persist::DifferenceKind::New => "+",
+                vm::persist::DifferenceKind::Changed => "~",
+            };
+            let fields: Vec<String> = it
+                .fields
+                .iter()
+                .map(|(field, a, b)| match (a.as_str(), b.as_str()) {
+                    ("", b) => format!("{field} {}", brief(b)),
+                    (a, "") => format!("{field} {}", brief(a)),
+                    (a, b) => format!("{field} {} → {}", brief(a), brief(b)),
+                })
+                .collect();
+            term::say(&format!("{sign} {}  {}\n", safe(&it.path), safe(&fields.join(", "))));
+        }
+    }
+    Ok(if found.is_empty() { 0 } else { FAILED })
+}

@@ -1,0 +1,315 @@
+//! Stores that are whole, damaged, hostile, full.
+
+use std::path::PathBuf;
+
+use rusqlite::Connection;
+use vm::log::{Entry, Event, Question};
+use vm::persist::{SavedEdit, SavedRecord, SavedSlot, SavedTree};
+
+use crate::{Begin, Store, StoreError, Writer};
+
+/// A folder of its own, which goes with the test.
+struct Folder(PathBuf);
+
+impl Folder {
+    fn new(name: &str) -> Folder {
+        let path = std::env::temp_dir().join(format!("pleach-store-{}-{name}", std::process::id()));
+        let _ = std::fs::remove_dir_all(&path);
+        std::fs::create_dir_all(&path).expect("a folder can be made");
+        Folder(path)
+    }
+    fn file(&self, name: &str) -> PathBuf {
+        self.0.join(name)
+    }
+}
+
+impl Drop for Folder {
+    fn drop(&mut self) {
+        let _ = std::fs::remove_dir_all(&self.0);
+    }
+}
+
+/// A tree in which `main` has called something so many times.
+fn tree(calls: u32, word: &str) -> SavedTree {
+    let slot = |slot, parent, name: &str| SavedSlot {
+        slot,
+        parent,
+        name: name.into(),
+        site: u64::from(slot) << 40,
+        steps: String::new(),
+        place: slot,
+    };
+    let record = |record: u32, parent| SavedRecord {
+        record,
+        slot: record,
+        parent,
+        attempt: 1,
+        kind: "plan".into(),
+        status: "succeeded".into(),
+        why: "".into(),
+        start_ns: u64::from(record) * 1_000_000,
+        end_ns: Some(u64::from(record) * 2_000_000),
+        params: format!("{{\"n\":\"{record}\"}}"),
+        value: Some(format!("\"{word} {record}\"")),
+        failure: None,
+        more: None,
+    };
+    let mut tree = SavedTree {
+        slots: vec![slot(1, 0, "top-level"), slot(2, 1, "main")],
+        records: vec![record(1, 0), record(2, 1)],
+        edits: Vec::new(),
+    };
+    for at in 3..3 + calls {
+        tree.slots.push(slot(at, 2, "fetching"));
+        tree.records.push(record(at, 2));
+    }
+    tree.edits.push(SavedEdit {
+        number: 1,
+        slot: 3,
+        edit: "(skip (path main fetching))".into(),
+        callee: "fetching".into(),
+        after: String::new(),
+    });
+    tree
+}
+
+fn entry(at: u64) -> Entry {
+    let question = Question { slot: 1, attempt: 1, number: at as u32, request: "clock".into() };
+    Entry { round: at, step: 10 * at, clock: at, events: vec![Event { question, answer: Ok(at.into()) }] }
+}
+
+/// A store with two versions of a tree and a run with a log.
+fn make(path: &std::path::Path) -> Vec<SavedTree> {
+    let trees = vec![tree(200, "milk"), tree(150, "cup")];
+    for tree in &trees {
+        Writer::put(Store::write(path).expect("it opens"), "kitchen", None, tree, "program")
+            .expect("it is written");
+    }
+    let begin = Begin { file: "a.plan".into(), head: "{}".into(), ..Begin::default() };
+    let mut writer = Writer::begin(Store::write(path).expect("it opens"), begin).expect("it begins");
+    (1..50).for_each(|at| writer.logged(&entry(at)));
+    writer.write_log().expect("it is written");
+    trees
+}
+
+#[test]
+fn what_is_written_is_read() {
+    let folder = Folder::new("round");
+    let path = folder.file("a.store");
+    let trees = make(&path);
+    let store = Store::read(&path).expect("it opens");
+    let versions = store.versions().expect("they are listed");
+    let names: Vec<_> = versions.iter().map(|it| format!("{}@{}", it.tree, it.version)).collect();
+    assert_eq!(names, ["kitchen@1", "kitchen@2", "run-3@1"]);
+    for (version, tree) in versions.iter().zip(&trees) {
+        assert_eq!(&store.tree(version).expect("it is whole"), tree);
+        assert_eq!(SavedTree::from_rows(&tree.rows()).as_ref(), Ok(tree));
+    }
+    let log = store.log(&versions[2]).expect("it is whole");
+    assert_eq!(log.entries, (1..50).map(entry).collect::<Vec<_>>());
+    assert!(store.check_pages().is_none());
+    assert!(store.check().expect("it is read").iter().all(|it| it.trouble.is_none()));
+}
+
+/// A small generator of numbers, the same in each run.
+struct Numbers(u64);
+
+impl Numbers {
+    fn below(&mut self, most: usize) -> usize {
+        self.0 = vm::random::mix(self.0.wrapping_add(0x9e37_79b9_7f4a_7c15));
+        (self.0 % most as u64) as usize
+    }
+}
+
+/// Everything in a damaged file is an error or what was written.
+fn look_at(path: &std::path::Path, trees: &[SavedTree]) -> bool {
+    let Ok(store) = Store::read(path) else { return false };
+    let mut all_well = true;
+    for version in 1..=trees.len() as i64 {
+        let read = store.version("kitchen", Some(version)).and_then(|row| store.tree(&row));
+        match read {
+            Ok(tree) => assert_eq!(tree, trees[version as usize - 1]),
+            Err(error) => {
+                all_well = false;
+                assert!(!error.to_string().is_empty());
+            }
+        }
+    }
+    if let Ok(version) = store.version("run-3", None)
+        && let Ok(log) = store.log(&version)
+    {
+        assert_eq!(log.entries, (1..50).map(entry).collect::<Vec<_>>());
+    }
+    let _ = store.check();
+    all_well
+}
+
+/// Damages a file in so many ways; how many of them were seen.
+fn damage(times: usize, seed: u64) -> usize {
+    let folder = Folder::new(&format!("damage-{seed}"));
+    let path = folder.file("a.store");
+    let trees = make(&path);
+    let whole = std::fs::read(&path).expect("it is there");
+    let (mut numbers, mut seen) = (Numbers(seed), 0);
+    let bad = folder.file("bad.store");
+    for time in 0..times {
+        let mut bytes = whole.clone();
+        match time % 10 {
+            0 => bytes.truncate(numbers.below(whole.len())),
+            1 => {
+                const PAGE: usize = 4096;
+                let pages = whole.len() / PAGE;
+                let (one, other) = (numbers.below(pages) * PAGE, numbers.below(pages) * PAGE);
+                bytes[one..one + PAGE].copy_from_slice(&whole[other..other + PAGE]);
+                bytes[other..other + PAGE].copy_from_slice(&whole[one..one + PAGE]);
+            }
+            _ => {
+                let bit = numbers.below(8 * whole.len());
+                bytes[bit / 8] ^= 1 << (bit % 8);
+            }
+        }
+        std::fs::write(&bad, bytes).expect("it can be written");
+        seen += usize::from(!look_at(&bad, &trees));
+    }
+    seen
+}
+
+#[test]
+fn damage_is_an_error_or_changes_nothing() {
+    assert!(damage(150, 1) > 30);
+}
+
+#[test]
+#[ignore = "takes a minute"]
+fn damage_of_2000_kinds_is_an_error_or_changes_nothing() {
+    assert!(damage(2000, 2) > 400);
+}
+
+#[test]
+fn an_error_names_tree_version_and_batch() {
+    let folder = Folder::new("names");
+    let path = folder.file("a.store");
+    let trees = make(&path);
+    let db = Connection::open(&path).expect("it opens");
+    db.execute("UPDATE records SET value = '\"wine\"' WHERE id = 2 AND record = 77", [])
+        .expect("it is changed");
+    db.execute("DELETE FROM slots WHERE id = 1 AND slot = 5", []).expect("it is changed");
+    drop(db);
+    let store = Store::read(&path).expect("it opens");
+    let read = |version| store.version("kitchen", Some(version)).and_then(|row| store.tree(&row));
+    let words = |version| {
+        read(version).expect_err("it is damaged").to_string().replace(&path.display().to_string(), "F")
+    };
+    assert_eq!(
+        words(2),
+        "the store F is damaged: tree kitchen, version 2, batch 1: row 77 of `records` is not what was written"
+    );
+    assert_eq!(
+        words(1),
+        "the store F is damaged: tree kitchen, version 1, batch 1: row 5 of `slots` is not there"
+    );
+    let bad = store.check().expect("it is read").iter().filter(|it| it.trouble.is_some()).count();
+    assert_eq!((bad, trees.len()), (2, 2));
+}
+
+#[test]
+fn each_call_may_fail() {
+    let folder = Folder::new("fails");
+    let mut at = 1;
+    loop {
+        let path = folder.file(&format!("{at}.store"));
+        let mut writer =
+            Writer::begin(Store::write(&path).expect("it opens"), Begin::default()).expect("it begins");
+        writer.fails_at = Some(writer.calls() + at);
+        let mut done = true;
+        for batch in 0..4 {
+            (1..4).for_each(|it| writer.logged(&entry(10 * batch + it)));
+            if let Err(error) = writer.write_log() {
+                assert!(error.to_string().contains("the disk is full"), "{error}");
+                done = false;
+                break;
+            }
+        }
+        drop(writer);
+        let store = Store::read(&path).expect("it opens");
+        let findings = store.check().expect("it is read");
+        assert_eq!(findings.len(), 1);
+        assert_eq!(findings[0].trouble, None);
+        assert_eq!(findings[0].version.entries % 3, 0, "batches are whole");
+        if done {
+            break;
+        }
+        at += 1;
+    }
+    assert!(at > 20);
+}
+
+#[test]
+fn one_writes_others_read() {
+    let folder = Folder::new("two");
+    let path = folder.file("a.store");
+    make(&path);
+    let one = Store::write(&path).expect("it opens");
+    assert_eq!(Store::write(&path).err(), Some(StoreError::Busy { path: path.clone() }));
+    assert!(Store::read(&path).is_ok_and(|store| store.versions().is_ok()));
+    drop(one);
+    assert!(Store::write(&path).is_ok());
+}
+
+#[test]
+fn nothing_in_a_file_runs() {
+    let hostile = [
+        "CREATE TRIGGER t AFTER INSERT ON log BEGIN DELETE FROM records; END",
+        "DROP TABLE edits; CREATE VIEW edits AS SELECT * FROM slots",
+        "DROP TABLE log; CREATE TABLE log (id INTEGER, entry INTEGER CHECK (abs(entry) > 0))",
+        "CREATE INDEX i ON records (abs(record))",
+    ];
+    for text in hostile {
+        let folder = Folder::new("hostile");
+        let path = folder.file("a.store");
+        make(&path);
+        Connection::open(&path).and_then(|db| db.execute_batch(text)).expect("it is planted");
+        for opened in [Store::read(&path), Store::write(&path)] {
+            match opened.err() {
+                Some(StoreError::Foreign { .. }) => {}
+                other => panic!("{text}: {other:?}"),
+            }
+        }
+    }
+    let folder = Folder::new("harmless");
+    let path = folder.file("a.store");
+    make(&path);
+    let mine = "CREATE VIEW mine AS SELECT count(*) FROM tasks; CREATE TABLE notes (text TEXT)";
+    Connection::open(&path).and_then(|db| db.execute_batch(mine)).expect("it is added");
+    assert!(Store::read(&path).is_ok());
+}
+
+#[test]
+fn other_files_are_refused() {
+    let folder = Folder::new("other");
+    let path = folder.file("a.store");
+    std::fs::write(&path, "(def-plan main ())").expect("it can be written");
+    assert!(matches!(Store::write(&path).err(), Some(StoreError::Foreign { .. })));
+    assert!(matches!(Store::read(&path).err(), Some(StoreError::Foreign { .. })));
+    let other = folder.file("other.db");
+    Connection::open(&other).and_then(|db| db.execute_batch("CREATE TABLE t (x)")).expect("it is made");
+    assert!(matches!(Store::write(&other).err(), Some(StoreError::Foreign { .. })));
+    let newer = folder.file("newer.store");
+    make(&newer);
+    Connection::open(&newer).and_then(|db| db.pragma_update(None, "user_version", 2)).expect("it is changed");
+    assert!(matches!(Store::read(&newer).err(), Some(StoreError::Format { found: 2, .. })));
+    assert!(matches!(Store::read(&folder.file("none")).err(), Some(StoreError::Cannot { .. })));
+    assert!(matches!(Store::write(&folder.file("no/none")).err(), Some(StoreError::Cannot { .. })));
+}
+
+#[test]
+fn forgotten_versions_are_gone() {
+    let folder = Folder::new("forget");
+    let path = folder.file("a.store");
+    let trees = make(&path);
+    Store::write(&path).and_then(|mut store| store.forget(&[1])).expect("it is forgotten");
+    let store = Store::read(&path).expect("it opens");
+    assert_eq!(store.versions().map(|it| it.len()), Ok(2));
+    let last = store.version("kitchen", None).and_then(|row| store.tree(&row));
+    assert_eq!(last.as_ref(), Ok(&trees[1]));
+}

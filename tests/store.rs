@@ -1,0 +1,226 @@
+//! Stores of runs: killed and resumed, continued with edits, and from the language.
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output, Stdio};
+use std::time::Duration;
+
+/// A folder of its own, which goes with the test.
+struct Folder(PathBuf);
+
+impl Folder {
+    fn new(name: &str, files: &[(&str, &str)]) -> Folder {
+        let path = std::env::temp_dir().join(format!("pleach-stores-{}-{name}", std::process::id()));
+        let _ = std::fs::remove_dir_all(&path);
+        std::fs::create_dir_all(&path).expect("a folder can be made");
+        for (name, text) in files {
+            std::fs::write(path.join(name), text).expect("a file can be written");
+        }
+        Folder(path)
+    }
+    fn command(&self, args: &str) -> Command {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_pleach"));
+        command.args(args.split_whitespace()).current_dir(&self.0).stdin(Stdio::null());
+        command
+    }
+    #[track_caller]
+    fn run(&self, args: &str) -> Output {
+        self.command(args).output().expect("it can be called")
+    }
+    /// What a command says on stdout; it must succeed.
+    #[track_caller]
+    fn said(&self, args: &str) -> String {
+        let output = self.run(args);
+        assert!(output.status.success(), "{args}: {}", String::from_utf8_lossy(&output.stderr));
+        String::from_utf8_lossy(&output.stdout).into_owned()
+    }
+}
+
+impl Drop for Folder {
+    fn drop(&mut self) {
+        let _ = std::fs::remove_dir_all(&self.0);
+    }
+}
+
+/// Reads a file now and then, and grows a tree with failures and parallel branches.
+const WORK: &str = r#"
+(def-plan tick (i) (* i 2))
+(def-plan bad (n) (fail plan-failure :message n))
+(def-plan turn (n)
+  (when (= (mod n 3) 0)
+    (with-failure-handling ((plan-failure (e) (return 1))) (bad n)))
+  (par (sleep 0.1) (tick n))
+  (write-file "out.txt" (string-append (read-file "in.txt") "!")))
+(def-plan main () (dotimes (n 40) (turn n) (dotimes (i 250) (tick i))))
+"#;
+
+const NO_STORE: &str = "run work.plan --allow read=. --allow write=. --quiet --json";
+
+fn work(name: &str) -> Folder {
+    Folder::new(name, &[("work.plan", WORK), ("in.txt", "hello")])
+}
+
+/// The nodes of a stored tree.
+#[track_caller]
+fn stored(folder: &Folder, store: &Path) -> serde_json::Value {
+    let said = folder.said(&format!("tree {} run-1 --json", store.display()));
+    let json: serde_json::Value = serde_json::from_str(&said).expect("it is JSON");
+    json["tree"].clone()
+}
+
+#[test]
+fn a_stored_tree_is_the_tree_of_the_run() {
+    let folder = work("same");
+    let said = folder.said(&NO_STORE.replace("--quiet", "--store a.store"));
+    let json: serde_json::Value = serde_json::from_str(&said).expect("it is JSON");
+    assert!(json["tree"].as_array().is_some_and(|nodes| nodes.len() > 10_000));
+    assert!(json["tree"] == stored(&folder, Path::new("a.store")), "the trees differ");
+    let again = folder.said("replay a.store 1 --json");
+    let again: serde_json::Value = serde_json::from_str(&again).expect("it is JSON");
+    assert!(json["tree"] == again["tree"], "the replayed tree differs");
+}
+
+/// Kills runs after different times; each is resumed, some are killed again meanwhile.
+fn kill(times: u64, clock: &str) {
+    let folder = work(&format!("kill-{clock}-{times}"));
+    let run = |store: &str| {
+        let args =
+            format!("run work.plan --allow read=. --allow write=. --quiet --clock {clock} --store {store}");
+        let mut command = folder.command(&args);
+        command.stdout(Stdio::null()).stderr(Stdio::null()).spawn().expect("it can be called")
+    };
+    assert!(run("whole.store").wait().expect("it ends").success());
+    let whole = stored(&folder, Path::new("whole.store"));
+    let begin = std::time::Instant::now();
+    assert!(run("time.store").wait().expect("it ends").success());
+    let takes = begin.elapsed();
+    let mut resumed = 0;
+    for time in 0..times {
+        let store = format!("{time}.store");
+        let mut child = run(&store);
+        let part = vm::random::mix(time + 1) % 1000;
+        std::thread::sleep(takes * part as u32 / 1000);
+        child.kill().expect("it can be killed");
+        child.wait().expect("it ends");
+        if !::store::is_store(&folder.0.join(&store)) {
+            continue;
+        }
+        if time % 3 == 0 {
+            let mut again = folder.command(&format!("resume {store} --quiet"));
+            let mut again =
+                again.stdout(Stdio::null()).stderr(Stdio::null()).spawn().expect("it can be called");
+            std::thread::sleep(Duration::from_millis(part % 50));
+            again.kill().expect("it can be killed");
+            again.wait().expect("it ends");
+        }
+        let check = folder.run(&format!("store check {store}"));
+        assert!(check.status.success(), "{}", String::from_utf8_lossy(&check.stdout));
+        let output = folder.run(&format!("resume {store} --quiet"));
+        let error = String::from_utf8_lossy(&output.stderr);
+        let ended = error.contains("have ended") || error.contains("is empty");
+        assert!(output.status.success() || ended, "{error}");
+        if output.status.success() {
+            resumed += 1;
+        }
+        if !error.contains("is empty") {
+            let listed = folder.said(&format!("tree {store} --json"));
+            if listed.contains("run-1") {
+                assert!(stored(&folder, Path::new(&store)) == whole, "kill {time}: the trees differ");
+            }
+        }
+        let _ = std::fs::remove_file(folder.0.join(&store));
+    }
+    assert!(resumed * 4 >= times, "only {resumed} of {times} were killed in the middle");
+}
+
+#[test]
+fn a_killed_run_goes_on_to_the_same_tree() {
+    kill(6, "virtual");
+}
+
+#[test]
+#[ignore = "takes minutes"]
+fn each_of_200_killed_runs_goes_on_to_the_same_tree() {
+    kill(150, "virtual");
+    kill(50, "real");
+}
+
+#[test]
+fn a_full_disk_stops_the_run_and_leaves_a_store_that_opens() {
+    let folder = work("full");
+    for at in [1, 2, 3, 100, 20_000] {
+        let store = format!("{at}.store");
+        let args = format!("run work.plan --allow read=. --allow write=. --quiet --store {store}");
+        let output = folder.command(&args).env("PLEACH_TEST_STORE_FAILS_AT", at.to_string()).output();
+        let output = output.expect("it can be called");
+        let error = String::from_utf8_lossy(&output.stderr);
+        assert!(error.contains("cannot write the store") && error.contains("the disk is full"), "{error}");
+        assert_eq!(output.status.code(), Some(2));
+        folder.said(&format!("store check {store}"));
+        folder.said(&format!("resume {store} --quiet"));
+        folder.said(&format!("store check {store}"));
+    }
+}
+
+const EDITED: &str = r#"
+(def-plan fetch (what) (print "fetch" what) what)
+(def-plan put (what) (print "put" what))
+(def-plan main () (dolist (what '(cup plate knife)) (fetch what) (put what)))
+(def-plan improve ()
+  (let ((tree (run-plan main)))
+    (save-tree "t.store" 'kitchen
+      (edit-tree tree (list (skip (path main (put :call 2)))
+                            (before (path main (fetch :call 3)) '(print "careful"))
+                            (defer (path main put) :after (path main (fetch :call 3))))))))
+(def-plan look ()
+  (let ((tree (load-tree "t.store" 'kitchen)))
+    (print (versions "t.store" 'kitchen) (tree-edits tree))
+    (print (diff-trees tree (run-plan main :tree tree)))))
+"#;
+
+#[test]
+fn a_named_tree_goes_on_with_its_edits() {
+    let folder = Folder::new("edits", &[("e.plan", EDITED)]);
+    folder.said("run e.plan --plan improve --allow write=. --quiet");
+    let said = folder.said("run e.plan --store t.store --tree kitchen --quiet");
+    assert_eq!(said, "fetch cup\nfetch plate\ncareful\nfetch knife\nput cup\nput knife\n");
+    // The next version has them, too; and so has a run that is stopped and resumed.
+    let said = folder.said("run e.plan --store t.store --tree kitchen --quiet --stop-at 5");
+    assert!(said.len() < 60, "{said}");
+    let said = folder.said("resume t.store --quiet");
+    assert_eq!(said, "fetch cup\nfetch plate\ncareful\nfetch knife\nput cup\nput knife\n");
+    let said = folder.said("replay t.store kitchen@2 --quiet");
+    assert_eq!(said, "fetch cup\nfetch plate\ncareful\nfetch knife\nput cup\nput knife\n");
+    let said = folder.said("tree t.store --diff kitchen@2 kitchen@3");
+    assert_eq!(said, "");
+    let said = folder.said("run e.plan --plan look --allow read=. --quiet");
+    assert!(said.contains("(1 2 3)") && said.contains("(skip (path main (put :call 2)))"), "{said}");
+    folder.said("store check t.store");
+}
+
+#[test]
+fn edits_that_hold_no_more_are_listed() {
+    let folder = Folder::new("orphans", &[("e.plan", EDITED)]);
+    folder.said("run e.plan --plan improve --allow write=. --quiet");
+    let changed = EDITED.replace("(fetch what) (put what)", "(fetch what)");
+    std::fs::write(folder.0.join("e.plan"), changed).expect("a file can be written");
+    let output = folder.run("run e.plan --store t.store --tree kitchen --quiet");
+    let error = String::from_utf8_lossy(&output.stderr);
+    assert!(
+        error.contains("note: an edit of the tree holds no more: (skip (path main (put :call 2)))"),
+        "{error}"
+    );
+    assert!(error.contains("the program does not have this place any more"), "{error}");
+    let said = String::from_utf8_lossy(&output.stdout);
+    assert_eq!(said, "fetch cup\nfetch plate\ncareful\nfetch knife\n");
+    let shown = folder.said("tree t.store kitchen");
+    assert!(shown.contains("an edit holds no more: (skip"), "{shown}");
+}
+
+#[test]
+fn a_program_may_save_into_the_store_of_its_run() {
+    let folder = Folder::new("own", &[("e.plan", EDITED)]);
+    folder.said("run e.plan --plan improve --allow write=. --quiet --store t.store");
+    let listed = folder.said("tree t.store");
+    assert!(listed.contains("run-1@1") && listed.contains("kitchen@1"), "{listed}");
+    folder.said("store check t.store");
+}
