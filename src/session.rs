@@ -129,8 +129,8 @@ struct Door<'a> {
 /// Where the edits of trees come from that programs save.
 const FROM_PROGRAM: &str = "program";
 
-/// What places in the call of the plan are called.
-const CALL: &str = "the call of the plan";
+/// What places in the call of the plan are called: its text is no file of the program.
+pub const CALL: &str = "the call of the plan";
 
 /// How long a run in real time sleeps before it asks whether it is to stop.
 const NAP: Duration = Duration::from_millis(20);

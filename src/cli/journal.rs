@@ -261,7 +261,7 @@ pub fn hashes(files: &Files) -> Vec<(String, String)> {
         files.iter().filter(|file| file.name.starts_with(LIBRARY)).map(|file| file.text.as_str()).collect();
     let own = files
         .iter()
-        .filter(|file| !file.name.starts_with(LIBRARY))
+        .filter(|file| !file.name.starts_with(LIBRARY) && file.name != pleach::session::CALL)
         .map(|file| (file.name.clone(), hash(&file.text)));
     std::iter::once((LIBRARY.to_string(), hash(&library))).chain(own).collect()
 }

@@ -74,7 +74,8 @@ impl Keeper {
         };
         let mut writer = Writer::begin(store, begin)?;
         // For tests of what happens when the disk is full.
-        writer.fails_at = std::env::var("PLEACH_TEST_STORE_FAILS_AT").ok().and_then(|it| it.parse().ok());
+        let fails_in = std::env::var("PLEACH_TEST_STORE_FAILS_IN").ok().and_then(|it| it.parse::<u64>().ok());
+        writer.fails_at = fails_in.map(|calls| writer.calls() + calls);
         Ok(Keeper { writer, path: place.path.clone(), last: Instant::now() })
     }
 

@@ -156,9 +156,11 @@ Usage: pleach <COMMAND>
 
 Commands:
   run      Run a plan file, then show the tree of its tasks
-  resume   Go on with a run that was stopped, from its log
-  replay   Run again from a log, as far as a step, and show where the program stands
+  resume   Go on with a run that was stopped or killed, from its log or a store
+  replay   Run again from a log or a store, as far as a step, and show where the program stands
   query    Ask the rules of a file, over its facts and over task trees
+  tree     Look at the trees of a store: list, show, compare
+  store    Check, export, import and empty stores
   repl     Try forms by hand
   check    Say all that is wrong with files, without running them
   fmt      Lay files out

@@ -476,7 +476,16 @@ impl Restored {
                 false => sites.get(&it.site).copied(),
             };
             let Some(site) = site else { continue };
-            let Some(chain) = self.chain(&it.steps, program, &sites) else { continue };
+            let chain = match plan == Some(it.slot) {
+                // `run-plan` names its plan in the key, a call in the source does not.
+                true if site.0 == 0 => {
+                    let name = Step::Name(Symbol::from(&it.name));
+                    Some(self.tree.keys.then(Chain::EMPTY, name, |_| 0))
+                }
+                true => Some(Chain::EMPTY),
+                false => self.chain(&it.steps, program, &sites),
+            };
+            let Some(chain) = chain else { continue };
             let key = Key { site, chain };
             let hash = program.sites[site.at()].hash;
             self.slots[it.slot as usize] = self.tree.restore_slot(above, key, Symbol::from(&it.name), hash);
