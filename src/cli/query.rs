@@ -149,6 +149,9 @@ pub fn run(it: Query) -> Answer {
     code
 }
 
+/// A tree that goals see, with its name; none for that of the run.
+type Asked = (String, Option<Rc<TreeView>>);
+
 /// The store that is asked.
 fn store_of(it: &Query) -> Option<&Path> {
     let named = it.tree.as_deref().unwrap_or(&it.file);
@@ -156,7 +159,7 @@ fn store_of(it: &Query) -> Option<&Path> {
 }
 
 /// The trees that goals see, each with its name where there are several; none for that of the run.
-fn trees(session: &Session, it: &Query) -> Result<Vec<(String, Option<Rc<TreeView>>)>, Trouble> {
+fn trees(session: &Session, it: &Query) -> Result<Vec<Asked>, Trouble> {
     let Some(path) = store_of(it) else {
         if it.stored.is_some() || it.each {
             let option = if it.each { "--each" } else { "--stored" };
@@ -203,7 +206,7 @@ fn load(session: &mut Session, it: &Query) -> Result<Loaded, Trouble> {
 }
 
 /// Asks each tree; the exit code is that of the best answer.
-fn ask_all(session: &mut Session, it: &Query, trees: Vec<(String, Option<Rc<TreeView>>)>) -> Answer {
+fn ask_all(session: &mut Session, it: &Query, trees: Vec<Asked>) -> Answer {
     let mut best = None;
     for (name, tree) in trees {
         if it.each {

@@ -1,6 +1,6 @@
 //! `pleach store`: checks, saves, mends and empties stores.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::{Args, Subcommand};
 use serde_json::{Value as Json, json};
@@ -94,7 +94,7 @@ fn check(store: &Store) -> Answer {
     Ok(if bad > 0 { FAILED } else { 0 })
 }
 
-fn export(store: &Store, file: &PathBuf) -> Answer {
+fn export(store: &Store, file: &Path) -> Answer {
     let mut versions = Vec::new();
     let mut left_out = 0;
     for finding in store.check()? {
@@ -127,7 +127,7 @@ fn export(store: &Store, file: &PathBuf) -> Answer {
     Ok(if left_out > 0 { FAILED } else { 0 })
 }
 
-fn import(path: &PathBuf, file: &PathBuf) -> Answer {
+fn import(path: &Path, file: &Path) -> Answer {
     let text = std::fs::read_to_string(file).map_err(|error| {
         Trouble::from(format!("cannot read {}: {}", file.display(), pleach::files::why(&error)))
     })?;

@@ -439,6 +439,9 @@ pub struct Restored {
     pub edits: Vec<u32>,
 }
 
+/// The slots that an edit waits for, and the rounds that stood between.
+pub type Awaited = (Vec<SlotId>, BTreeMap<SlotId, Vec<Step>>);
+
 impl Restored {
     /// An empty tree to take up a saved one.
     ///
@@ -530,11 +533,7 @@ impl Restored {
 
     /// The slots that an edit waits for and the rounds between; nothing if one is not there.
     #[must_use]
-    pub fn after(
-        &self,
-        program: &Program,
-        after: &str,
-    ) -> Option<(Vec<SlotId>, BTreeMap<SlotId, Vec<Step>>)> {
+    pub fn after(&self, program: &Program, after: &str) -> Option<Awaited> {
         let (mut slots, mut between) = (Vec::new(), BTreeMap::new());
         if after.is_empty() {
             return Some((slots, between));
