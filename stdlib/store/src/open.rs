@@ -31,6 +31,9 @@ pub fn is_store(path: &Path) -> bool {
 /// How long a call waits for another process to finish a transaction, in milliseconds.
 const PATIENCE_MS: u64 = 5000;
 
+/// Memory for pages of the file; a number below 0 is one of KiB.
+const CACHE_KIB: i64 = -32 * 1024;
+
 impl Store {
     /// Opens a store to look at it.
     ///
@@ -160,6 +163,7 @@ fn prepare(db: &Connection) -> rusqlite::Result<()> {
     db.set_db_config(DbConfig::SQLITE_DBCONFIG_TRUSTED_SCHEMA, false)?;
     db.set_db_config(DbConfig::SQLITE_DBCONFIG_ENABLE_TRIGGER, false)?;
     db.set_db_config(DbConfig::SQLITE_DBCONFIG_ENABLE_VIEW, false)?;
+    db.pragma_update(None, "cache_size", CACHE_KIB)?;
     db.pragma_update(None, "cell_size_check", true)
 }
 
