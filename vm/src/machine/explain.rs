@@ -1,6 +1,7 @@
 //! Why a query has an answer, and why it has none.
 //!
-//! An answer is explained by its proof. Why there is none is found out by asking: of each clause that
+//! An answer is explained by its proof. What came out of a table is proved by asking its clauses once more: of
+//! their answers the first is taken that rests on nothing that it is to prove. Why there is none is found out by asking: of each clause that
 //! could answer, the goals of its body one more at a time, until there is no answer; then the last one is
 //! to blame, with the values that it had, and is asked why in its turn.
 
@@ -24,6 +25,11 @@ const FREE: usize = 20;
 /// How many clauses and facts are named for one goal.
 const MOST: usize = 5;
 
+/// How many goals out of tables are proved for one answer.
+const MOST_PROOFS: usize = 500;
+/// How many answers of one clause are looked at for a proof.
+const MOST_WAYS: usize = 200;
+
 /// A goal of a query in the order in which it is asked.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PlanStep {
@@ -40,6 +46,30 @@ struct Blame {
     reached: usize,
     goals: usize,
     explanation: Explanation,
+}
+
+/// What is being asked why it does not hold, and how much deeper may be asked.
+#[derive(Clone, Copy)]
+struct Above<'a> {
+    depth: usize,
+    goals: Option<&'a Goals<'a>>,
+}
+
+/// A goal below others.
+struct Goals<'a> {
+    text: String,
+    above: Option<&'a Goals<'a>>,
+}
+
+impl Above<'_> {
+    fn deeper(self) -> Self {
+        Above { depth: self.depth - 1, ..self }
+    }
+
+    /// True if the same goal is asked about already.
+    fn has(&self, text: &str) -> bool {
+        std::iter::successors(self.goals, |it| it.above).any(|it| it.text == text)
+    }
 }
 
 impl Machine {
@@ -95,8 +125,76 @@ impl Machine {
         query: &mut Query,
     ) -> Result<Option<Vec<Explanation>>, Value> {
         query.engine.watch();
-        let answer = self.next_answer_of(host, query)?;
-        Ok(answer.map(|_| query.engine.proof(&self.program)))
+        if self.next_answer_of(host, query)?.is_none() {
+            return Ok(None);
+        }
+        let mut parts = query.engine.proof(&self.program);
+        let mut left = MOST_PROOFS;
+        self.prove_all(host, &mut parts, &query.engine.view.clone(), &mut Vec::new(), &mut left)?;
+        Ok(Some(parts))
+    }
+
+    /// Proves what came out of tables among some reasons and theirs. False if something of it could only be proved
+    /// by one of the goals on the `path`, which are to be proved.
+    fn prove_all(
+        &mut self,
+        host: &mut dyn Host,
+        parts: &mut [Explanation],
+        view: &crate::rules::View,
+        path: &mut Vec<(PredId, Vec<Value>)>,
+        left: &mut usize,
+    ) -> Result<bool, Value> {
+        for part in parts {
+            let holds = match part.tabled.take() {
+                Some(goal) => self.prove(host, part, goal, view, path, left)?,
+                None => self.prove_all(host, &mut part.parts, view, path, left)?,
+            };
+            if !holds {
+                return Ok(false);
+            }
+        }
+        Ok(true)
+    }
+
+    /// Proves a goal that came out of a table.
+    fn prove(
+        &mut self,
+        host: &mut dyn Host,
+        part: &mut Explanation,
+        goal: (PredId, Vec<Value>),
+        view: &crate::rules::View,
+        path: &mut Vec<(PredId, Vec<Value>)>,
+        left: &mut usize,
+    ) -> Result<bool, Value> {
+        if path.contains(&goal) {
+            return Ok(false);
+        }
+        if *left == 0 {
+            part.parts = vec![sentence("it holds for more reasons than are shown".into(), None)];
+            return Ok(true);
+        }
+        *left -= 1;
+        let (predicate, args) = goal.clone();
+        path.push(goal);
+        for clause in self.program.rules.predicates[predicate.at()].clauses.clone() {
+            let place = clause.place;
+            let asked = self.hidden(clause);
+            let mut query = Query { engine: Engine::new(asked, &args, view.clone(), false) };
+            query.engine.watch();
+            for _ in 0..MOST_WAYS {
+                if self.next_answer_of(host, &mut query)?.is_none() {
+                    break;
+                }
+                let mut parts = query.engine.proof(&self.program);
+                if self.prove_all(host, &mut parts, view, path, left)? {
+                    path.pop();
+                    (part.parts, part.place) = (parts, Some(place));
+                    return Ok(true);
+                }
+            }
+        }
+        path.pop();
+        Ok(false)
     }
 
     /// Why a query has no answer: for the goals of its body the one that is to blame.
@@ -129,7 +227,7 @@ impl Machine {
         let clauses = self.program.rules.predicates[predicate.at()].clauses.clone();
         let mut all = Vec::new();
         for clause in &clauses {
-            let blame = self.blame(host, clause, &args, view, DEPTH)?;
+            let blame = self.blame(host, clause, &args, view, Above { depth: DEPTH, goals: None })?;
             // The clause of a query is nobody's: what fails in it is what is asked for.
             all.extend(blame.into_iter().flat_map(|blame| blame.explanation.parts));
         }
@@ -188,11 +286,17 @@ impl Machine {
         predicate: PredId,
         args: &[Value],
         view: &crate::rules::View,
-        depth: usize,
+        above: Above<'_>,
     ) -> Result<Vec<Explanation>, Value> {
-        if depth == 0 {
+        if above.depth == 0 {
             return Ok(Vec::new());
         }
+        let text = show::fact(&self.program, predicate, args);
+        if above.has(&text) {
+            return Ok(vec![sentence("as above".into(), None)]);
+        }
+        let goals = Goals { text, above: above.goals };
+        let above = Above { depth: above.depth, goals: Some(&goals) };
         let it = &self.program.rules.predicates[predicate.at()];
         let (kind, name, arity) = (it.declared.kind, it.declared.name, it.declared.arity);
         if kind == Kind::Native {
@@ -206,7 +310,7 @@ impl Machine {
         }
         let mut blames = Vec::new();
         for clause in self.program.rules.predicates[predicate.at()].clauses.clone() {
-            blames.extend(self.blame(host, &clause, args, view, depth)?);
+            blames.extend(self.blame(host, &clause, args, view, above)?);
         }
         // The nearest first: that of which most holds.
         blames.sort_by(|a, b| (b.reached * (a.goals + 1)).cmp(&(a.reached * (b.goals + 1))));
@@ -226,7 +330,7 @@ impl Machine {
         clause: &Clause,
         args: &[Value],
         view: &crate::rules::View,
-        depth: usize,
+        above: Above<'_>,
     ) -> Result<Option<Blame>, Value> {
         let goals: Vec<Goal> = conjuncts(&clause.body).into_iter().cloned().collect();
         let mut known: Option<Value> = None;
@@ -252,17 +356,22 @@ impl Machine {
                 }
             }
             let failed = bindings.fill(&goals[n - 1]);
-            let parts = self.why_not_part(host, &failed, clause, view, depth)?;
+            let parts = self.why_not_part(host, &failed, clause, view, above)?;
             let text = show::goal(&self.program, &failed, &clause.vars);
-            let because =
-                Explanation { text: format!("{text} does not hold"), place: Some(failed.place), parts };
+            let because = Explanation {
+                text: format!("{text} does not hold"),
+                place: Some(failed.place),
+                parts,
+                tabled: None,
+            };
             let head = self.head(clause);
             let text = match n {
                 1 => format!("{head} matches"),
                 2 => format!("{head} matches, its first goal holds"),
                 n => format!("{head} matches, its first {} goals hold", n - 1),
             };
-            let explanation = Explanation { text, place: Some(clause.place), parts: vec![because] };
+            let explanation =
+                Explanation { text, place: Some(clause.place), parts: vec![because], tabled: None };
             return Ok(Some(Blame { reached: n, goals: goals.len(), explanation }));
         }
         Ok(None)
@@ -275,13 +384,13 @@ impl Machine {
         goal: &Goal,
         clause: &Clause,
         view: &crate::rules::View,
-        depth: usize,
+        above: Above<'_>,
     ) -> Result<Vec<Explanation>, Value> {
         match &goal.kind {
             GoalKind::Call(predicate, terms) => {
                 let mut next = clause.vars.len();
                 let args: Vec<Value> = terms.iter().map(|term| value_of(term, &mut next)).collect();
-                self.why_not_goal(host, *predicate, &args, view, depth - 1)
+                self.why_not_goal(host, *predicate, &args, view, above.deeper())
             }
             GoalKind::Not(inner, _) => {
                 // It holds: that is why.
@@ -289,17 +398,17 @@ impl Machine {
                 let mut query = Query { engine: Engine::new(asked, &[], view.clone(), true) };
                 Ok(self.why_of(host, &mut query)?.unwrap_or_default())
             }
-            GoalKind::Or(goals) if depth > 1 => {
+            GoalKind::Or(goals) if above.depth > 1 => {
                 let mut parts = Vec::new();
                 for goal in goals {
                     let text = format!("{} does not hold", show::goal(&self.program, goal, &clause.vars));
-                    let reasons = self.why_not_part(host, goal, clause, view, depth - 1)?;
-                    parts.push(Explanation { text, place: Some(goal.place), parts: reasons });
+                    let reasons = self.why_not_part(host, goal, clause, view, above.deeper())?;
+                    parts.push(Explanation { text, place: Some(goal.place), parts: reasons, tabled: None });
                 }
                 Ok(parts)
             }
-            GoalKind::Once(inner) => self.why_not_part(host, inner, clause, view, depth),
-            GoalKind::CallValue(called, more, scope) if depth > 1 => {
+            GoalKind::Once(inner) => self.why_not_part(host, inner, clause, view, above),
+            GoalKind::CallValue(called, more, scope) if above.depth > 1 => {
                 // Variables without names are new ones of the clause.
                 let free = clause.vars.len() as u16..(clause.vars.len() + FREE) as u16;
                 let names = (0..FREE).map(|n| crate::value::Symbol::from(&format!("?_{n}")));
@@ -310,12 +419,12 @@ impl Machine {
                     Some(kind @ GoalKind::And(_)) => {
                         let body = Goal { kind, place: goal.place };
                         let row = Clause { head: Vec::new(), body, ..clause.clone() };
-                        let blame = self.blame(host, &row, &[], view, depth - 1)?;
+                        let blame = self.blame(host, &row, &[], view, above.deeper())?;
                         Ok(blame.map(|blame| blame.explanation.parts).unwrap_or_default())
                     }
                     Some(kind) => {
                         let written = Goal { kind, place: goal.place };
-                        self.why_not_part(host, &written, clause, view, depth - 1)
+                        self.why_not_part(host, &written, clause, view, above.deeper())
                     }
                     None => Ok(Vec::new()),
                 }
@@ -432,7 +541,7 @@ impl Machine {
 }
 
 fn sentence(text: String, place: Option<Place>) -> Explanation {
-    Explanation { text, place, parts: Vec::new() }
+    Explanation { text, place, ..Explanation::default() }
 }
 
 /// The name of a variable without a value.

@@ -20,6 +20,8 @@ pub struct Explanation {
     pub place: Option<Place>,
     /// Its reasons, in order.
     pub parts: Vec<Explanation>,
+    /// It came out of a table, which knows that it holds and not why: the predicate and its arguments.
+    pub tabled: Option<(PredId, Vec<Value>)>,
 }
 
 /// Explanations as text, a line each; `place` says where something stands in the source.
@@ -154,12 +156,18 @@ impl Engine {
                 })
                 .collect();
             let text = show::fact(program, node.predicate, &args);
-            done[at] = match clause_at(program, node.predicate, node.entry) {
+            let is_tabled = program.rules.predicates[node.predicate.at()].declared.tabled;
+            // The clause that a table was filled by last has nothing to do with the answer.
+            done[at] = match clause_at(program, node.predicate, node.entry.filter(|_| !is_tabled)) {
                 Some(clause) => {
                     let parts = with_tests(program, clause, &args, below);
-                    Explanation { text, place: Some(clause.place), parts }
+                    Explanation { text, place: Some(clause.place), parts, tabled: None }
                 }
-                None => Explanation { text, place: None, parts: below.into_iter().map(|it| it.2).collect() },
+                None => {
+                    let parts = below.into_iter().map(|it| it.2).collect();
+                    let tabled = is_tabled.then_some((node.predicate, args));
+                    Explanation { text, parts, tabled, ..Explanation::default() }
+                }
             };
         }
         done.into_iter().next().map(|query| query.parts).unwrap_or_default()
@@ -215,7 +223,7 @@ fn with_tests(
             Err(goal) => Explanation {
                 text: show::goal(program, &known.fill(goal), &clause.vars),
                 place: Some(goal.place),
-                parts: Vec::new(),
+                ..Explanation::default()
             },
         })
         .collect()
