@@ -20,6 +20,7 @@ use super::journal::{At, Journal, Recorded};
 use super::keep::{self, Keeper, Place};
 use super::settings::Settings;
 use super::{Answer, ERRORS, FAILED, INTERRUPTED, Trouble, files, interrupt, json, term};
+use world::motions::Costs;
 
 pub const HELP: &str = "\
 Examples:
@@ -48,6 +49,8 @@ With --json stdout is one object, and the program's output goes to stderr:
             attempts [{status, value, failure, start, end}], all runs of a task that was run more
             than once; written and written-params, the call as the plan makes it if edits have
             changed it; edits, why, goal, grounded, performed-in, notes
+  motions   {count, path-m, straight-m, hand-m, leaps, failures}; where there is a robot: metres that its base
+            drove and in straight lines, metres of its hands, failures recovered from included
 Exit codes: 0 it succeeded · 1 it failed · 2 errors, or a failure while the file was loaded ·
 130 stopped by Ctrl-C.";
 
@@ -210,7 +213,8 @@ pub fn perform(job: &Job, show: &Show, start: &Start<'_>) -> Answer {
         ended = again(&mut session, job, call.as_deref(), start)?;
     }
     keep_end(&session, &ended, &mut console);
-    let code = report(&session, &ended, show, &mut console, job);
+    let costs = motion_costs(&mut session);
+    let code = report(&session, &ended, show, &mut console, job, costs);
     records.write(&mut session, job)?;
     // Freeing a large tree takes longer than leaving that to the system.
     std::mem::forget(session);
@@ -602,7 +606,14 @@ fn keep_end(session: &Session, ended: &Ended, console: &mut Console) {
 }
 
 /// Shows how the run ended. The exit code.
-fn report(session: &Session, ended: &Ended, show: &Show, console: &mut Console, job: &Job) -> Answer {
+fn report(
+    session: &Session,
+    ended: &Ended,
+    show: &Show,
+    console: &mut Console,
+    job: &Job,
+    costs: Option<Costs>,
+) -> Answer {
     console.flush();
     match &console.halt {
         Some(Halt::NoReader) => return Ok(141),
@@ -614,7 +625,11 @@ fn report(session: &Session, ended: &Ended, show: &Show, console: &mut Console, 
     }
     let (outcome, code) = outcome(ended, console);
     if show.json {
-        term::say(&format!("{}\n", result_json(session, ended, outcome, show, job)));
+        let mut json = result_json(session, ended, outcome, show, job);
+        if let Some(costs) = costs {
+            json["motions"] = costs_json(session, &costs);
+        }
+        term::say(&format!("{json}\n"));
         return Ok(code);
     }
     if show.timeline {
@@ -623,6 +638,9 @@ fn report(session: &Session, ended: &Ended, show: &Show, console: &mut Console, 
         term::complain(&vm::show::timeline(&machine.program, machine.tree(), machine.now(), most));
     } else if !show.quiet {
         term::complain(&tree_text(session, show.all, "--all", term::error_style()));
+    }
+    if let Some(costs) = costs.filter(|_| !show.quiet) {
+        term::complain(&costs_text(session, &costs));
     }
     match ended {
         Ended::Ran(Err(failure)) => term::complain(&failure_text(session, failure)),
@@ -634,6 +652,44 @@ fn report(session: &Session, ended: &Ended, show: &Show, console: &mut Console, 
         _ => {}
     }
     Ok(code)
+}
+
+/// What the motions of a run have cost; nothing if none has begun.
+fn motion_costs(session: &mut Session) -> Option<Costs> {
+    let world = session.machine.world().as_mut()?.as_any().downcast_mut::<world::world::World>()?;
+    Some(world.costs).filter(|costs| costs.actions > 0)
+}
+
+/// How many failures were raised in the tasks of a run, those that it has recovered from included.
+fn failures(session: &Session) -> usize {
+    let tree = session.machine.tree();
+    let raised = tree.records().filter_map(|rec| tree.record(rec).value.as_failure()?.task.clone());
+    let raised: std::collections::BTreeSet<_> = raised.map(|task| std::rc::Rc::as_ptr(&task)).collect();
+    raised.len()
+}
+
+fn costs_json(session: &Session, costs: &Costs) -> Json {
+    json!({
+        "count": costs.actions,
+        "path-m": costs.path_m,
+        "straight-m": costs.straight_m,
+        "hand-m": costs.hand_m,
+        "leaps": costs.leaps,
+        "failures": failures(session),
+    })
+}
+
+fn costs_text(session: &Session, costs: &Costs) -> String {
+    let failures = failures(session);
+    format!(
+        "{:.1} s, {} motions, {:.1} m driven ({:.1} m straight), hands {:.1} m, {failures} failure{}\n",
+        session.machine.now() as f64 / 1e9,
+        costs.actions,
+        costs.path_m,
+        costs.straight_m,
+        costs.hand_m,
+        if failures == 1 { "" } else { "s" },
+    )
 }
 
 /// A failure with the lines of the source that it comes from.
