@@ -5,6 +5,7 @@
 //! 130 stopped by Ctrl-C. Why a command could not do its work at all is [`Trouble`].
 
 mod check;
+mod console;
 pub mod doc;
 mod explain;
 pub mod files;
@@ -14,6 +15,8 @@ mod journal;
 pub mod json;
 mod keep;
 pub mod query;
+mod records;
+pub mod report;
 mod resume;
 pub mod run;
 mod schedules;

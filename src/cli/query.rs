@@ -13,6 +13,7 @@ use vm::rules::view::TreeView;
 use vm::rules::why::Explanation;
 use vm::value::Value;
 
+use super::report;
 use super::run::{self, Job};
 use super::settings::Settings;
 use super::{Answer, ERRORS, FAILED, INTERRUPTED, Trouble, files, interrupt, json, keep, term};
@@ -366,6 +367,6 @@ fn failed(session: &Session, it: &Query, failure: &Value, answers: Vec<Json>) ->
         let failure = json::failure(&session.files, &session.machine.program, failure);
         term::say(&format!("{}\n", json!({"answers": answers, "more": false, "failure": failure})));
     }
-    term::complain(&run::failure_text(session, failure));
+    term::complain(&report::failure_text(session, failure));
     Ok(FAILED)
 }

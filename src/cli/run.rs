@@ -1,26 +1,21 @@
 //! `pleach run`, and what `resume` and `replay` share with it: load, run, report.
 
-use std::fs::File;
-use std::io::{BufWriter, IsTerminal as _, Write};
 use std::path::{Path, PathBuf};
 
 use clap::Args;
 use compiler::{Loaded, Report};
-use pleach::render::Style;
 use pleach::session::Output;
-use pleach::{Ended, Session, render};
-use serde_json::{Value as Json, json};
-use store::{Store, StoreError, Writer};
-use vm::log::Entry;
-use vm::machine::Machine;
+use pleach::{Ended, Session};
+use store::{Store, StoreError};
 use vm::persist::SavedEdit;
-use vm::value::Value;
 
+use super::console::Console;
 use super::journal::{At, Journal, Recorded};
 use super::keep::{self, Keeper, Place};
+use super::records::Records;
+use super::report::{errors, keep_end, motion_costs, report};
 use super::settings::Settings;
-use super::{Answer, ERRORS, FAILED, INTERRUPTED, Trouble, files, interrupt, json, term};
-use world::motions::Costs;
+use super::{Answer, Trouble, files, interrupt, term};
 
 pub const HELP: &str = "\
 Examples:
@@ -53,13 +48,6 @@ With --json stdout is one object, and the program's output goes to stderr:
             drove and in straight lines, metres of its hands, failures recovered from included
 Exit codes: 0 it succeeded · 1 it failed · 2 errors, or a failure while the file was loaded ·
 130 stopped by Ctrl-C.";
-
-/// How many nodes of a tree are shown.
-const MOST_NODES: usize = 500;
-/// After how many rounds output that waits is written.
-const PATIENCE: u32 = 500;
-/// Of how many calls a stopped run says where they stand.
-const MOST_CALLS: usize = 10;
 
 /// `pleach run`
 #[derive(Args)]
@@ -108,19 +96,19 @@ fn tree_name(text: &str) -> Result<String, String> {
 pub struct Show {
     /// Do not show the tree
     #[arg(long, short)]
-    quiet: bool,
+    pub(super) quiet: bool,
     /// Result and tree as JSON on stdout
     #[arg(long)]
-    json: bool,
+    pub(super) json: bool,
     /// Show each start and end of a task as it happens
     #[arg(long)]
-    trace: bool,
+    pub(super) trace: bool,
     /// Show which task ran when, instead of the tree
     #[arg(long)]
-    timeline: bool,
+    pub(super) timeline: bool,
     /// Show the whole tree, however large
     #[arg(long)]
-    all: bool,
+    pub(super) all: bool,
 }
 
 /// What is kept of the world of a run.
@@ -129,10 +117,10 @@ pub struct Show {
 pub struct Record {
     /// Write the motions of the robot and the ways of the objects over time into a file, as JSON
     #[arg(long, value_name = "FILE.json")]
-    record: Option<PathBuf>,
+    pub(super) record: Option<PathBuf>,
     /// Draw the world from above with what happened in it into a file
     #[arg(long, value_name = "FILE.svg")]
-    picture: Option<PathBuf>,
+    pub(super) picture: Option<PathBuf>,
 }
 
 impl Show {
@@ -277,80 +265,6 @@ fn take_up(
     })
 }
 
-/// Files that take what happened in the world. They are opened before the run begins: whoever cannot write them wants to know
-/// that then.
-#[derive(Default)]
-struct Records {
-    record: Option<(PathBuf, File)>,
-    picture: Option<(PathBuf, File)>,
-}
-
-impl Records {
-    fn open(wanted: &Record) -> Result<Records, Trouble> {
-        let open = |path: &Option<PathBuf>, option: &str, head: &str| {
-            let Some(path) = path else { return Ok(None) };
-            let known = std::fs::read(path).unwrap_or_default();
-            if !known.is_empty() && !known.starts_with(head.as_bytes()) {
-                let what = format!("{} is no file of {option}, and is not overwritten", path.display());
-                return Err(Trouble::new(what, format!("choose another name after {option}")));
-            }
-            let cannot = |error| {
-                let what = format!("cannot write {}: {}", path.display(), pleach::files::why(&error));
-                Trouble::new(what, format!("name a file in a folder that is there: {option} FILE"))
-            };
-            File::create(path).map(|file| Some((path.clone(), file))).map_err(cannot)
-        };
-        if wanted.record.is_some() && wanted.record == wanted.picture {
-            return Err(Trouble::new("--record and --picture name the same file", "name two files"));
-        }
-        Ok(Records {
-            record: open(&wanted.record, "--record", "{\n  \"pleach-record\"")?,
-            picture: open(&wanted.picture, "--picture", "<svg ")?,
-        })
-    }
-
-    fn wanted(&self) -> bool {
-        self.record.is_some() || self.picture.is_some()
-    }
-
-    fn write(self, session: &mut Session, job: &Job) -> Result<(), Trouble> {
-        if !self.wanted() {
-            return Ok(());
-        }
-        let end_ns = session.machine.now();
-        let slot = session.machine.world();
-        let world = slot.as_mut().and_then(|it| it.as_any().downcast_mut::<world::world::World>());
-        let recording = world.and_then(|it| it.recording.clone()).unwrap_or_default();
-        if recording.is_empty() {
-            let files: Vec<String> = [&self.record, &self.picture]
-                .iter()
-                .filter_map(|it| it.as_ref())
-                .map(|it| it.0.display().to_string())
-                .collect();
-            term::complain(&format!(
-                "note: this run has no world, so there is nothing in {}\n",
-                files.join(" and ")
-            ));
-        }
-        let put = |file: Option<(PathBuf, File)>, text: &dyn Fn() -> String| {
-            let Some((path, mut file)) = file else { return Ok(()) };
-            file.write_all(text().as_bytes()).map_err(|error| {
-                Trouble::from(format!("cannot write {}: {}", path.display(), pleach::files::why(&error)))
-            })
-        };
-        let plan = job.plan.clone().unwrap_or_else(|| "main".into());
-        put(self.record, &|| {
-            let mut about = serde_json::Map::new();
-            about.insert("file".into(), json!(job.file));
-            about.insert("plan".into(), json!(plan));
-            about.insert("seed".into(), json!(job.settings.seed));
-            recording.json(about, end_ns)
-        })?;
-        let file = job.file.file_name().map_or_else(String::new, |it| it.to_string_lossy().into_owned());
-        put(self.picture, &|| recording.picture(&format!("{file}, {plan}"), end_ns))
-    }
-}
-
 fn run_call(
     session: &mut Session,
     loaded: Loaded,
@@ -435,342 +349,9 @@ fn no_plan(session: &Session, name: &str) -> Trouble {
     Trouble::new(format!("the program has no plan called `{}`", vm::show::safe(name)), help)
 }
 
-// ---------------------------------------------------------------------------------------------
-// While it runs
-
-/// Why a run was stopped from outside.
-enum Halt {
-    Interrupted,
-    /// Nobody reads the output.
-    NoReader,
-    /// Output or log cannot be written.
-    Broken(String),
-}
-
-/// Where the output of a run goes.
-pub struct Console {
-    out: BufWriter<Box<dyn Write>>,
-    /// Each line at once: somebody is watching.
-    watched: bool,
-    trace: bool,
-    journal: Option<Journal>,
-    keeper: Option<Keeper>,
-    halt: Option<Halt>,
-    rounds: u32,
-}
-
-impl Console {
-    fn new(show: &Show, journal: Option<Journal>, keeper: Option<Keeper>) -> Console {
-        let (out, watched): (Box<dyn Write>, bool) = match show.json {
-            true => (Box::new(std::io::stderr()), std::io::stderr().is_terminal()),
-            false => (Box::new(std::io::stdout()), std::io::stdout().is_terminal()),
-        };
-        Console {
-            out: BufWriter::with_capacity(1 << 16, out),
-            watched,
-            trace: show.trace,
-            journal,
-            keeper,
-            halt: None,
-            rounds: 0,
-        }
-    }
-
-    fn wrote(&mut self, result: std::io::Result<()>) {
-        if let Err(error) = result {
-            self.halt.get_or_insert(match error.kind() {
-                std::io::ErrorKind::BrokenPipe => Halt::NoReader,
-                _ => {
-                    Halt::Broken(format!("cannot write the program's output: {}", pleach::files::why(&error)))
-                }
-            });
-        }
-    }
-
-    fn kept(&mut self, result: Result<(), StoreError>) {
-        if let Err(error) = result {
-            let help = error.help().map_or(String::new(), |help| format!("\n  help: {help}"));
-            self.halt.get_or_insert(Halt::Broken(format!("{error}{help}")));
-            // What is not written any more does not become half of a run.
-            self.keeper = None;
-        }
-    }
-
-    fn flush(&mut self) {
-        let result = self.out.flush();
-        self.wrote(result);
-    }
-}
-
-impl Output for Console {
-    fn print(&mut self, text: &str) {
-        let result = self.out.write_all(text.as_bytes());
-        self.wrote(result);
-        if self.watched && text.contains('\n') {
-            self.flush();
-        }
-    }
-    fn trace(&mut self, line: &str) {
-        if self.trace {
-            self.flush();
-            term::complain(&format!("{line}\n"));
-        }
-    }
-    fn complain(&mut self, line: &str) {
-        self.flush();
-        term::complain(&format!("warning: {line}\n"));
-    }
-    fn logged(&mut self, entry: &Entry) {
-        if let Some(journal) = &mut self.journal
-            && let Err(error) = journal.add(entry)
-        {
-            let why =
-                format!("cannot write the log {}: {}", journal.path.display(), pleach::files::why(&error));
-            self.halt.get_or_insert(Halt::Broken(why));
-        }
-        if let Some(keeper) = &mut self.keeper {
-            keeper.logged(entry);
-        }
-    }
-    fn looked(&mut self, machine: &Machine) {
-        if let Some(keeper) = &mut self.keeper {
-            let result = keeper.look(machine);
-            self.kept(result);
-        }
-    }
-    fn store(&mut self, store: &Path) -> Option<&mut Writer> {
-        let keeper = self.keeper.as_mut()?;
-        keeper.is_in(store).then(|| keeper.writer())
-    }
-    fn goes_on(&mut self) -> bool {
-        self.rounds += 1;
-        if let Some(keeper) = &mut self.keeper {
-            let result = keeper.nap();
-            self.kept(result);
-        }
-        if self.rounds.is_multiple_of(PATIENCE) {
-            self.flush();
-        }
-        if interrupt::asked() {
-            self.halt.get_or_insert(Halt::Interrupted);
-        }
-        self.halt.is_none()
-    }
-}
-
 /// Prints nowhere.
 struct Silence;
 
 impl Output for Silence {
     fn print(&mut self, _text: &str) {}
-}
-
-// ---------------------------------------------------------------------------------------------
-// Afterwards
-
-/// Shows errors of the program.
-pub fn errors(session: &Session, reports: &[Report], show: &Show) -> u8 {
-    if show.json {
-        let errors: Vec<Json> = reports.iter().map(|it| json::report(&session.files, it)).collect();
-        term::say(&format!("{}\n", json!({"outcome": "errors", "errors": errors})));
-    }
-    reports.iter().for_each(|it| term::complain(&session.report(it)));
-    ERRORS
-}
-
-/// The word for how a run ended, and the exit code.
-fn outcome(ended: &Ended, console: &Console) -> (&'static str, u8) {
-    match ended {
-        Ended::Errors(_) => ("errors", ERRORS),
-        Ended::Ran(Ok(_)) => ("succeeded", 0),
-        Ended::Ran(Err(_)) => ("failed", FAILED),
-        Ended::NotLoaded(_) => ("not-loaded", ERRORS),
-        Ended::Stopped if console.halt.is_some() => ("interrupted", INTERRUPTED),
-        Ended::Stopped => ("stopped", 0),
-    }
-}
-
-/// Writes the end of the run into the store.
-fn keep_end(session: &Session, ended: &Ended, console: &mut Console) {
-    let (word, _) = outcome(ended, console);
-    let Some(keeper) = &mut console.keeper else { return };
-    let machine = &session.machine;
-    let value = match ended {
-        Ended::Ran(Ok(value)) => {
-            Some(vm::print::Printer::new(Some(&machine.program), true, vm::print::LIMIT).text(value))
-        }
-        _ => None,
-    };
-    let result = keeper.end(machine, word, value.as_deref());
-    console.kept(result);
-}
-
-/// Shows how the run ended. The exit code.
-fn report(
-    session: &Session,
-    ended: &Ended,
-    show: &Show,
-    console: &mut Console,
-    job: &Job,
-    costs: Option<Costs>,
-) -> Answer {
-    console.flush();
-    match &console.halt {
-        Some(Halt::NoReader) => return Ok(141),
-        Some(Halt::Broken(why)) => return Err(why.clone().into()),
-        Some(Halt::Interrupted) | None => {}
-    }
-    if let Ended::Errors(reports) = ended {
-        return Ok(errors(session, reports, show));
-    }
-    let (outcome, code) = outcome(ended, console);
-    if show.json {
-        let mut json = result_json(session, ended, outcome, show, job);
-        if let Some(costs) = costs {
-            json["motions"] = costs_json(session, &costs);
-        }
-        term::say(&format!("{json}\n"));
-        return Ok(code);
-    }
-    if show.timeline {
-        let most = if show.all { usize::MAX } else { MOST_NODES };
-        let machine = &session.machine;
-        term::complain(&vm::show::timeline(&machine.program, machine.tree(), machine.now(), most));
-    } else if !show.quiet {
-        term::complain(&tree_text(session, show.all, "--all", term::error_style()));
-    }
-    if let Some(costs) = costs.filter(|_| !show.quiet) {
-        term::complain(&costs_text(session, &costs));
-    }
-    match ended {
-        Ended::Ran(Err(failure)) => term::complain(&failure_text(session, failure)),
-        Ended::NotLoaded(failure) => {
-            term::complain("error: the file could not be loaded: one of its top-level forms failed\n");
-            term::complain(&failure_text(session, failure));
-        }
-        Ended::Stopped => term::complain(&stopped_text(session, console)),
-        _ => {}
-    }
-    Ok(code)
-}
-
-/// What the motions of a run have cost; nothing if none has begun.
-fn motion_costs(session: &mut Session) -> Option<Costs> {
-    let world = session.machine.world().as_mut()?.as_any().downcast_mut::<world::world::World>()?;
-    Some(world.costs).filter(|costs| costs.actions > 0)
-}
-
-/// How many failures were raised in the tasks of a run, those that it has recovered from included.
-fn failures(session: &Session) -> usize {
-    let tree = session.machine.tree();
-    let raised = tree.records().filter_map(|rec| tree.record(rec).value.as_failure()?.task.clone());
-    let raised: std::collections::BTreeSet<_> = raised.map(|task| std::rc::Rc::as_ptr(&task)).collect();
-    raised.len()
-}
-
-fn costs_json(session: &Session, costs: &Costs) -> Json {
-    json!({
-        "count": costs.actions,
-        "path-m": costs.path_m,
-        "straight-m": costs.straight_m,
-        "hand-m": costs.hand_m,
-        "leaps": costs.leaps,
-        "failures": failures(session),
-    })
-}
-
-fn costs_text(session: &Session, costs: &Costs) -> String {
-    let failures = failures(session);
-    format!(
-        "{:.1} s, {} motions, {:.1} m driven ({:.1} m straight), hands {:.1} m, {failures} failure{}\n",
-        session.machine.now() as f64 / 1e9,
-        costs.actions,
-        costs.path_m,
-        costs.straight_m,
-        costs.hand_m,
-        if failures == 1 { "" } else { "s" },
-    )
-}
-
-/// A failure with the lines of the source that it comes from.
-pub fn failure_text(session: &Session, failure: &Value) -> String {
-    render::failure_in_source(&session.files, failure, term::error_style())
-}
-
-/// The tree as far as it is shown; `more` shows the rest.
-pub fn tree_text(session: &Session, all: bool, more: &str, style: Style) -> String {
-    let most = if all { usize::MAX } else { MOST_NODES };
-    let tree = session.machine.tree();
-    let mut text = vm::show::text(&session.machine.program, tree, most);
-    if tree.len() > most && text.ends_with(" nodes in all\n") {
-        text.pop();
-        text += &format!("; {more} shows them\n");
-    }
-    term::paint_tree(&text, style)
-}
-
-/// Where a stopped run stands, and how to go on.
-fn stopped_text(session: &Session, console: &Console) -> String {
-    let machine = &session.machine;
-    let why = match (&console.halt, session.log_ended) {
-        (Some(_), _) => "interrupted",
-        (None, true) => "the log ends here: stopped",
-        (None, false) => "stopped",
-    };
-    let mut text = format!(
-        "{why} at step {}, {} s of the task clock\n",
-        machine.steps(),
-        vm::show::seconds(machine.now())
-    );
-    text += &place_text(session);
-    if let Some(journal) = &console.journal {
-        text += &format!("go on with: pleach resume {}\n", journal.path.display());
-    }
-    if let Some(keeper) = &console.keeper {
-        text += &format!("go on with: {}\n", keeper.resume_words());
-    }
-    text
-}
-
-/// The calls in which a stopped run stands, innermost first.
-pub fn place_text(session: &Session) -> String {
-    let machine = &session.machine;
-    let mut text = String::new();
-    let calls = machine.backtrace(MOST_CALLS + 1);
-    for (function, pc) in calls.iter().take(MOST_CALLS) {
-        let function = &machine.program.functions[function.at()];
-        let place = machine.program.places.get(pc.at()).copied().unwrap_or_default();
-        text +=
-            &format!("  in {} {} at {}\n", function.kind.word(), function.name, session.files.show(place));
-    }
-    if calls.len() > MOST_CALLS {
-        text += "  …\n";
-    }
-    text
-}
-
-/// See [`HELP`].
-fn result_json(session: &Session, ended: &Ended, outcome: &str, show: &Show, job: &Job) -> Json {
-    let machine = &session.machine;
-    let mut json = json!({"outcome": outcome});
-    match ended {
-        Ended::Ran(Ok(value)) => {
-            let printer = vm::print::Printer::new(Some(&machine.program), true, vm::print::LIMIT);
-            json["value"] = json!(printer.text(value));
-        }
-        Ended::Ran(Err(failure)) | Ended::NotLoaded(failure) => {
-            json["failure"] = json::failure(&session.files, &machine.program, failure);
-        }
-        Ended::Errors(_) | Ended::Stopped => {}
-    }
-    let main = session.plan("main").map(|_| "main".to_string());
-    json["file"] = json!(job.file);
-    json["plan"] = json!(job.plan.clone().or(main));
-    json["seed"] = json!(job.settings.seed);
-    json["steps"] = json!(machine.steps());
-    json["clock"] = json!(machine.now() as f64 / 1e9);
-    if !show.quiet {
-        json["tree"] = vm::show::json(&machine.program, machine.tree());
-    }
-    json
 }

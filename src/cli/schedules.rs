@@ -8,7 +8,8 @@ use pleach::session::Output;
 use pleach::{Ended, Session};
 use serde_json::json;
 
-use super::run::{Job, Show, call, errors, failure_text};
+use super::report::{errors, failure_text};
+use super::run::{Job, Show, call};
 use super::{Answer, FAILED, INTERRUPTED, files, interrupt, term};
 
 /// `0..200`, or `200` for as many from 0 on.

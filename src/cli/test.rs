@@ -13,7 +13,9 @@ use vm::machine::Progress;
 use vm::value::{Symbol, Value};
 
 use super::settings::Settings;
-use super::{Answer, ERRORS, FAILED, INTERRUPTED, Paths, Trouble, count, files, interrupt, json, run, term};
+use super::{
+    Answer, ERRORS, FAILED, INTERRUPTED, Paths, Trouble, count, files, interrupt, json, report, term,
+};
 
 pub const HELP: &str = "\
 Examples:
@@ -187,7 +189,7 @@ fn broken(it: &Test, session: &Session, why: &Broken, tally: &mut Tally) {
     }
     reports.iter().for_each(|report| term::say(&session.report(report)));
     match failure {
-        Some(failure) if failure.as_failure().is_some() => term::say(&run::failure_text(session, failure)),
+        Some(failure) if failure.as_failure().is_some() => term::say(&report::failure_text(session, failure)),
         Some(why) => term::say(&format!("error: {}\n", vm::print::display(why))),
         None => {}
     }

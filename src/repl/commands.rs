@@ -6,7 +6,7 @@ use compiler::module::{Found, Meaning, nearest};
 use vm::value::Symbol;
 
 use super::{Prompt, inspect};
-use crate::cli::{doc, files, run, term};
+use crate::cli::{doc, files, report, term};
 
 /// Name, what follows it, and what it does, of each command.
 pub const COMMANDS: &[(&str, &str, &str)] = &[
@@ -73,7 +73,7 @@ pub fn run(prompt: &mut Prompt, line: &str) -> After {
         ":doc" => document(prompt, argument),
         ":type" => describe(prompt, argument),
         ":tree" => {
-            term::say(&run::tree_text(&prompt.session, argument == "all", ":tree all", term::out_style()))
+            term::say(&report::tree_text(&prompt.session, argument == "all", ":tree all", term::out_style()))
         }
         ":load" => load(prompt, Path::new(argument)),
         ":break" => prompt.break_at(argument),

@@ -8,7 +8,7 @@ use vm::path::PathEnd;
 use vm::value::Value;
 
 use super::{Prompt, Screen};
-use crate::cli::{run, term};
+use crate::cli::{report, term};
 
 /// Something that was typed and ran.
 #[derive(Debug, Clone)]
@@ -72,7 +72,7 @@ impl Prompt {
         };
         let clock = vm::show::seconds(machine.now());
         term::say(&format!("stopped at step {}, {clock} s{at}\n", machine.steps()));
-        term::say(&run::place_text(&self.session));
+        term::say(&report::place_text(&self.session));
     }
 
     /// `:back`: all inputs again, as far as some steps ago.
