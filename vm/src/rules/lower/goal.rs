@@ -8,7 +8,7 @@ use crate::value::{Imm, Value};
 
 use super::super::clause::{Arith, Collect, Compare, Goal, GoalKind, Number, Term};
 use super::super::op::RuleOp;
-use super::{Lower, Lowering, TooManyVariables, cuts};
+use super::{Lower, Lowering, TooManyVariables};
 
 impl Lowering<'_> {
     /// The goal with which the clause ends.
@@ -167,7 +167,7 @@ impl Lowering<'_> {
 
     /// A goal that a cut in it does not leave.
     fn enclosed(&mut self, goal: &Goal) -> Lower {
-        if !cuts(goal) {
+        if !goal.cuts() {
             return self.goal(goal);
         }
         let saved = self.next;
@@ -180,17 +180,33 @@ impl Lowering<'_> {
         Ok(())
     }
 
-    /// What succeeds once without leaving choices or bindings, if `goal` does not hold.
-    fn unless(&mut self, goal: &Goal) -> Lower {
+    /// What succeeds once without leaving choices or bindings, if `goals` do not hold.
+    fn unless(&mut self, goals: &mut dyn FnMut(&mut Self) -> Lower) -> Lower {
         let saved = self.next;
         let choices = self.temp()?;
         self.emit(RuleOp::Choices(choices));
         let attempt = self.try_else();
-        self.enclosed(goal)?;
+        goals(self)?;
         self.emit(RuleOp::Cut(choices));
         self.emit(RuleOp::Fail);
         self.lands(attempt);
         self.next = saved;
+        Ok(())
+    }
+
+    /// Collects `template` in register `d` each time that a goal holds.
+    fn collect(&mut self, d: u8, kind: Collect, goal: &Goal, template: &Term) -> Lower {
+        self.emit(RuleOp::Collect(d, kind));
+        let attempt = self.try_else();
+        self.enclosed(goal)?;
+        let instance = match kind {
+            Collect::Count => d,
+            _ => self.build(template)?,
+        };
+        self.emit(RuleOp::Add1(d, instance));
+        self.emit(RuleOp::Fail);
+        self.lands(attempt);
+        self.emit(RuleOp::Collected(d));
         Ok(())
     }
 
@@ -230,7 +246,7 @@ impl Lowering<'_> {
                     let name = self.constant(&name);
                     self.emit_at(RuleOp::NeedsBound(self.registers[*var as usize], name), goal);
                 }
-                self.unless(inner)?;
+                self.unless(&mut |it| it.enclosed(inner))?;
             }
             GoalKind::If { test, then, otherwise, soft } => {
                 self.choose(goal, test, then, otherwise.as_deref(), *soft, false)?;
@@ -296,17 +312,7 @@ impl Lowering<'_> {
                 self.all_known(inner);
                 self.all_of(template);
                 let d = self.temp()?;
-                self.emit(RuleOp::Collect(d, *kind));
-                let attempt = self.try_else();
-                self.enclosed(inner)?;
-                let instance = match kind {
-                    Collect::Count => d,
-                    _ => self.build(template)?,
-                };
-                self.emit(RuleOp::Add1(d, instance));
-                self.emit(RuleOp::Fail);
-                self.lands(attempt);
-                self.emit(RuleOp::Collected(d));
+                self.collect(d, *kind, inner, template)?;
                 self.get(d, result)?;
             }
             GoalKind::Bag { template, by, goal: inner, list, set } => {
@@ -316,14 +322,7 @@ impl Lowering<'_> {
                 let witness = Term::Vector(by.iter().map(|var| Term::Var(*var)).collect());
                 let pair = Term::Pair(Box::new(witness.clone()), Box::new(template.clone()));
                 let d = window + 1;
-                self.emit(RuleOp::Collect(d, Collect::List));
-                let attempt = self.try_else();
-                self.enclosed(inner)?;
-                let instance = self.build(&pair)?;
-                self.emit(RuleOp::Add1(d, instance));
-                self.emit(RuleOp::Fail);
-                self.lands(attempt);
-                self.emit(RuleOp::Collected(d));
+                self.collect(d, Collect::List, inner, &pair)?;
                 self.put(window, &witness)?;
                 self.emit_at(RuleOp::Groups(window, *set), goal);
                 self.get(window + 2, list)?;
@@ -331,14 +330,10 @@ impl Lowering<'_> {
             GoalKind::ForAll(test, goal) => {
                 self.all_known(test);
                 self.all_known(goal);
-                let choices = self.temp()?;
-                self.emit(RuleOp::Choices(choices));
-                let attempt = self.try_else();
-                self.enclosed(test)?;
-                self.unless(goal)?;
-                self.emit(RuleOp::Cut(choices));
-                self.emit(RuleOp::Fail);
-                self.lands(attempt);
+                self.unless(&mut |it| {
+                    it.enclosed(test)?;
+                    it.unless(&mut |it| it.enclosed(goal))
+                })?;
             }
         }
         self.next = saved;

@@ -115,7 +115,7 @@ pub fn lower(rules: &mut Rules, clause: &Clause) -> Result<Lowered, TooManyVaria
 impl Lowering<'_> {
     fn clause(&mut self) -> Lower {
         let clause = self.clause;
-        if cuts(&clause.body) {
+        if clause.body.cuts() {
             let register = self.temp()?;
             self.entry = Some(register);
             self.emit(RuleOp::Entry(register));
@@ -184,17 +184,6 @@ fn has_desc(term: &Term) -> bool {
         Term::Vector(items) => items.iter().any(has_desc),
         Term::Map(entries) => entries.iter().any(|entry| has_desc(&entry.1)),
         Term::Var(_) | Term::Any => false,
-    }
-}
-
-/// True if a cut of the clause is in this goal.
-fn cuts(goal: &Goal) -> bool {
-    match &goal.kind {
-        GoalKind::Cut => true,
-        GoalKind::And(goals) | GoalKind::Or(goals) => goals.iter().any(cuts),
-        GoalKind::If { then, otherwise, .. } => cuts(then) || otherwise.as_deref().is_some_and(cuts),
-        // What is nested in other goals is left by its cuts only.
-        _ => false,
     }
 }
 

@@ -257,6 +257,19 @@ impl TreeView {
         }
     }
 
+    /// What a task has of a kind.
+    #[must_use]
+    pub fn attr(&self, task: u32, attr: Attr) -> Option<Value> {
+        let row = &self.rows[task as usize];
+        let word = match attr {
+            Attr::Param(key) => return self.param(task, key),
+            Attr::Name => row.name,
+            Attr::Kind => row.kind,
+            Attr::Status => row.status,
+        };
+        Some(Value::Imm(Imm::Symbol(word)))
+    }
+
     /// What a task has under a key: the value that all tasks with an equal one share.
     #[must_use]
     pub fn param(&self, task: u32, key: Symbol) -> Option<Value> {

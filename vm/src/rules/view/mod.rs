@@ -123,13 +123,6 @@ impl TreeView {
         self.rows[task as usize].name
     }
 
-    /// What a task is and what became of it, as symbols.
-    #[must_use]
-    pub fn words(&self, task: u32) -> (Symbol, Symbol) {
-        let row = &self.rows[task as usize];
-        (row.kind, row.status)
-    }
-
     /// All that a task has: parameters of a plan, properties of an action.
     #[must_use]
     pub fn params(&self, task: u32) -> Vec<(Symbol, Value)> {
