@@ -5,10 +5,11 @@
 //! between, and the ratio of the two medians is printed: on a shared machine only ratios of one
 //! run can be trusted. Tasks are compared with those of the other engines that are found. Figures and how they are judged: `vm/benches/README.md`.
 
-use std::process::Command;
-use std::time::Duration;
+mod measure;
 
-use cpu_time::ProcessTime;
+use std::process::Command;
+
+use measure::{median, timed};
 use pleach::{Options, Session};
 use vm::machine::Progress;
 use vm::value::Value;
@@ -20,35 +21,22 @@ fn main() {
     if let Some(n) = std::env::var(MEASURE_BYTES).ok().and_then(|n| n.parse().ok()) {
         return println!("{}", parked_bytes(n));
     }
-    let pattern = std::env::args().skip(1).find(|arg| !arg.starts_with("--")).unwrap_or_default();
-    let thread = std::thread::Builder::new().stack_size(256 << 20);
-    let bench = thread.spawn(move || all(&pattern)).expect("a thread can be started");
-    bench.join().expect("the benchmarks run to their end");
+    measure::begin(all);
 }
 
-fn all(pattern: &str) {
-    let wanted = |name: &str| name.contains(pattern);
-    functions(&wanted);
-    plans(&wanted);
-    loops(&wanted);
-    depth(&wanted);
-    failures(&wanted);
-    tasks(&wanted);
-    fluents(&wanted);
-    text(&wanted);
+fn all(wanted: &dyn Fn(&str) -> bool) {
+    functions(wanted);
+    plans(wanted);
+    loops(wanted);
+    depth(wanted);
+    failures(wanted);
+    tasks(wanted);
+    fluents(wanted);
+    text(wanted);
 }
 
 // ---------------------------------------------------------------------------------------------
 // Measuring
-
-fn median(mut times: Vec<f64>) -> f64 {
-    times.sort_by(f64::total_cmp);
-    times[times.len() / 2]
-}
-
-fn ns(time: Duration) -> f64 {
-    time.as_nanos() as f64
-}
 
 fn line(name: &str, ns: f64, per: &str, note: &str) {
     println!("{name:<34} {ns:>10.1} ns per {per:<8} {note}");
@@ -75,9 +63,8 @@ impl Program {
 
     fn run(&mut self, args: &[i64]) -> (Value, f64) {
         let args = args.iter().map(|arg| Value::int(*arg)).collect();
-        let start = ProcessTime::now();
-        let outcome = self.session.call(self.function, args, &mut String::new());
-        (outcome.expect("it succeeds"), ns(start.elapsed()))
+        let (outcome, ns) = timed(|| self.session.call(self.function, args, &mut String::new()));
+        (outcome.expect("it succeeds"), ns)
     }
 }
 
@@ -258,9 +245,10 @@ fn edited(wanted: &dyn Fn(&str) -> bool) {
         let again = program.session.plan("again").expect("it is defined");
         let mut times = Vec::new();
         for _ in 0..RUNS {
-            let start = ProcessTime::now();
-            program.session.call(again, vec![tree.clone()], &mut String::new()).expect("it succeeds");
-            times.push(ns(start.elapsed()));
+            let call = || program.session.call(again, vec![tree.clone()], &mut String::new());
+            let (outcome, ns) = timed(call);
+            outcome.expect("it succeeds");
+            times.push(ns);
         }
         line(name, median(times) / 10_000.0, "call", &format!("({note})"));
     }
@@ -399,9 +387,8 @@ fn tasks(wanted: &dyn Fn(&str) -> bool) {
         let args = vec![Value::list((0..n).map(Value::int).collect::<Vec<_>>()), Value::int(BRANCHES / n)];
         let ours = || {
             program.session.machine.restart(false);
-            let start = ProcessTime::now();
-            let outcome = program.session.call(program.function, args.clone(), &mut String::new());
-            let time = ns(start.elapsed());
+            let (outcome, time) =
+                timed(|| program.session.call(program.function, args.clone(), &mut String::new()));
             outcome.expect("it succeeds");
             time
         };
@@ -483,9 +470,8 @@ fn text(wanted: &dyn Fn(&str) -> bool) {
         let text = library.repeat(4_000_000 / library.len() + 1);
         let mut times = Vec::new();
         for _ in 0..RUNS {
-            let start = ProcessTime::now();
-            let parsed = grammar::parse(grammar::FileId(0), &text);
-            times.push(ns(start.elapsed()));
+            let (parsed, ns) = timed(|| grammar::parse(grammar::FileId(0), &text));
+            times.push(ns);
             assert!(parsed.errors.is_empty());
         }
         println!("{:<34} {:>10.1} MB/s (must 10)", "parse", text.len() as f64 * 1e3 / median(times));
@@ -500,20 +486,19 @@ fn text(wanted: &dyn Fn(&str) -> bool) {
         let mut times = Vec::new();
         for _ in 0..3 {
             let mut session = Session::new(Options::default());
-            let start = ProcessTime::now();
-            session.load_text("bench.plan", &functions);
-            times.push(ns(start.elapsed()));
+            times.push(timed(|| session.load_text("bench.plan", &functions)).1);
         }
         println!("{:<34} {:>10.1} MB/s (must 2)", "compile", functions.len() as f64 * 1e3 / median(times));
     }
     if wanted("start") {
         let mut times = Vec::new();
         for _ in 0..RUNS {
-            let start = ProcessTime::now();
-            let mut session = Session::new(Options::default());
-            let loaded = session.load_text("empty.plan", "");
-            session.run(loaded, None, &mut String::new());
-            times.push(ns(start.elapsed()));
+            let start = || {
+                let mut session = Session::new(Options::default());
+                let loaded = session.load_text("empty.plan", "");
+                session.run(loaded, None, &mut String::new());
+            };
+            times.push(timed(start).1);
         }
         println!("{:<34} {:>10.1} ms (must 20)", "start", median(times) / 1e6);
     }

@@ -6,12 +6,14 @@
 //! `swipl` is installed, the same runs there in between, and the ratio of the two medians is printed: on a
 //! shared machine only ratios of one run can be trusted. Figures and how they are judged: `vm/benches/README.md`.
 
+mod measure;
+
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::rc::Rc;
 
-use cpu_time::ProcessTime;
+use measure::median;
 use pleach::{Options, Session};
 use vm::code::SiteId;
 use vm::edit::{Accepted, Edit, What};
@@ -26,33 +28,23 @@ use vm::value::{Symbol, Value};
 const RUNS: usize = 5;
 
 fn main() {
-    let pattern = std::env::args().skip(1).find(|arg| !arg.starts_with("--")).unwrap_or_default();
-    let thread = std::thread::Builder::new().stack_size(256 << 20);
-    let bench = thread.spawn(move || all(&pattern)).expect("a thread can be started");
-    bench.join().expect("the benchmarks run to their end");
+    measure::begin(all);
 }
 
-fn all(pattern: &str) {
-    let wanted = |name: &str| name.contains(pattern);
-    programs(&wanted);
+fn all(wanted: &dyn Fn(&str) -> bool) {
+    programs(wanted);
     for transports in [1000, 10_000] {
-        both_hands(&wanted, transports);
+        both_hands(wanted, transports);
     }
 }
 
 // ---------------------------------------------------------------------------------------------
 // Measuring
 
-fn median(mut times: Vec<f64>) -> f64 {
-    times.sort_by(f64::total_cmp);
-    times[times.len() / 2]
-}
-
 /// Milliseconds of CPU time.
 fn timed<T>(work: impl FnOnce() -> T) -> (T, f64) {
-    let start = ProcessTime::now();
-    let result = work();
-    (result, start.elapsed().as_secs_f64() * 1e3)
+    let (result, ns) = measure::timed(work);
+    (result, ns / 1e6)
 }
 
 fn folder() -> PathBuf {

@@ -5,19 +5,18 @@
 //! time of a run from the loaded program to its end: median, 90th percentile, greatest. What the plan prints is dropped.
 //! Figures and budgets: `vm/benches/README.md`.
 
+mod measure;
+
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use cpu_time::ProcessTime;
 use pleach::{Ended, Options, Session};
 
 const FILE: &str = "examples/14-four-objects/main.plan";
 const SEEDS: u64 = 200;
 
 fn main() {
-    let thread = std::thread::Builder::new().stack_size(256 << 20);
-    let bench = thread.spawn(all).expect("a thread can be started");
-    bench.join().expect("the benchmark runs to its end");
+    measure::on_a_large_stack(all);
 }
 
 fn all() {
@@ -49,9 +48,7 @@ fn run(file: &Path, seed: u64) -> (Option<String>, f64) {
     let mut session = Session::new(Options { seed, ..Options::default() });
     let loaded = session.load_file(file).expect("the plan can be read");
     let mut printed = String::new();
-    let begin = ProcessTime::now();
-    let ended = session.run(loaded, None, &mut printed);
-    let ms = begin.elapsed().as_secs_f64() * 1e3;
+    let (ended, ns) = measure::timed(|| session.run(loaded, None, &mut printed));
     let failure = match ended {
         Ended::Ran(Ok(_)) => None,
         Ended::Ran(Err(failure)) => {
@@ -59,5 +56,5 @@ fn run(file: &Path, seed: u64) -> (Option<String>, f64) {
         }
         Ended::Errors(_) | Ended::NotLoaded(_) | Ended::Stopped => Some("not run".into()),
     };
-    (failure, ms)
+    (failure, ns / 1e6)
 }

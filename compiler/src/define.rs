@@ -137,10 +137,8 @@ impl Compiler<'_> {
 
     fn module_head(&mut self, module: ModuleId, form: &Form) {
         let items = form.list().unwrap_or_default();
-        let (name, doc) = match items {
-            [_, name] => (name, None),
-            [_, name, Form { kind: FormKind::Str(doc), .. }] => (name, Some(doc.clone())),
-            _ => return self.misshapen_top(form, "takes a name and perhaps a text"),
+        let Some((name, doc)) = one_with_doc(items.get(1..).unwrap_or_default()) else {
+            return self.misshapen_top(form, "takes a name and perhaps a text");
         };
         match name.symbol() {
             Some(name) => {
@@ -394,10 +392,8 @@ impl Compiler<'_> {
     }
 
     fn def_const(&mut self, work: &mut Text, form: &Form, name: Symbol, rest: &[Form]) {
-        let (value, doc) = match rest {
-            [value] => (value, None),
-            [value, Form { kind: FormKind::Str(doc), .. }] => (value, Some(doc.clone())),
-            _ => return self.misshapen_top(form, "takes a value and perhaps a text"),
+        let Some((value, doc)) = one_with_doc(rest) else {
+            return self.misshapen_top(form, "takes a value and perhaps a text");
         };
         // Defined again in a REPL: those who read it read the new value.
         let known = self.modules.get(work.module).names.get(&name).map(|known| known.meaning.clone());
@@ -681,6 +677,15 @@ fn short_name(key: &str) -> &str {
 fn is_definition(form: &Form) -> bool {
     let defines = |head: &str| DEFINITIONS.contains(&head) || declare::DEFINITIONS.contains(&head);
     form.head().is_some_and(|head| defines(&head))
+}
+
+/// A form, and the text after it, if there is one.
+pub(crate) fn one_with_doc(forms: &[Form]) -> Option<(&Form, Option<Box<str>>)> {
+    match forms {
+        [form] => Some((form, None)),
+        [form, Form { kind: FormKind::Str(doc), .. }] => Some((form, Some(doc.clone()))),
+        _ => None,
+    }
 }
 
 /// A text before other forms is the documentation.

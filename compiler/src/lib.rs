@@ -381,15 +381,22 @@ impl Front {
         code: &CodeRequest<'_>,
     ) -> Result<FnId, Vec<Report>> {
         let module = self.homes.get(&code.home).copied().unwrap_or(ModuleId(0));
-        let mut id = FnId(0);
+        self.made(program, |compiler| Some(compiler.edit(code.form, module, code.plan, code.original)))
+    }
+
+    /// What `work` makes of something that defines nothing, or what is wrong with it.
+    fn made<T>(
+        &mut self,
+        program: &mut Program,
+        work: impl FnOnce(&mut Compiler<'_>) -> Option<T>,
+    ) -> Result<T, Vec<Report>> {
+        let mut made = None;
         let loaded = self.with(program, |compiler| {
-            id = compiler.edit(code.form, module, code.plan, code.original);
+            made = work(compiler);
             Vec::new()
         });
-        match loaded.reports.iter().all(Report::is_warning) {
-            true => Ok(id),
-            false => Err(loaded.reports),
-        }
+        let is_right = loaded.reports.iter().all(Report::is_warning);
+        made.filter(|_| is_right).ok_or(loaded.reports)
     }
 
     fn with(&mut self, program: &mut Program, work: impl FnOnce(&mut Compiler<'_>) -> Vec<FnId>) -> Loaded {

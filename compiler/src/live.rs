@@ -99,17 +99,11 @@ impl Front {
         file: FileId,
         text: &str,
     ) -> Result<Form, Vec<Report>> {
-        let mut result = None;
-        let loaded = self.with(program, |compiler| {
+        self.made(program, |compiler| {
             let parsed = grammar::parse(file, text);
             compiler.reports.extend(parsed.errors.into_iter().map(Report::Parse));
-            result = parsed.forms.into_iter().next().map(|form| compiler.expand_head(module, form));
-            Vec::new()
-        });
-        match result {
-            Some(form) if loaded.reports.is_empty() => Ok(form),
-            _ => Err(loaded.reports),
-        }
+            parsed.forms.into_iter().next().map(|form| compiler.expand_head(module, form))
+        })
     }
 }
 

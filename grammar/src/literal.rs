@@ -178,6 +178,21 @@ pub(crate) struct QuotedFault {
     pub(crate) help: &'static str,
 }
 
+/// What an escape stands for, nothing for an escaped line end, or how escapes are written; and how many bytes of the
+/// text after its backslash it takes.
+pub(crate) type Escaped = (Result<Option<char>, &'static str>, usize);
+
+/// What stands for other characters in quoted text.
+pub(crate) struct Quoting {
+    /// The escape that goes on with a text; the quote is that which ends what it stands in.
+    pub(crate) escape: fn(&str, char) -> Escaped,
+    /// How to write what nobody could see.
+    pub(crate) invisible: &'static str,
+}
+
+/// That of our own text.
+pub(crate) const PLAIN: Quoting = Quoting { escape, invisible: INVISIBLE };
+
 const ESCAPES: &str = "the escapes are `\\n`, `\\t`, `\\r`, `\\0`, `\\\\`, `\\u{1F600}` and, before the quote or bar that would end the text, `\\`";
 const UNICODE: &str = "write the number of a Unicode character in hexadecimal: `\\u{1F600}`";
 const INVISIBLE: &str = "an invisible character is written by its number: `\\u{1b}`";
@@ -189,8 +204,11 @@ pub(crate) fn is_hidden(c: char) -> bool {
 }
 
 /// The text between two quotes (or bars), its escapes resolved. Faults are left out of the result.
-pub(crate) fn unquote(raw: &str, quote: char, faults: &mut Vec<QuotedFault>) -> Box<str> {
-    if raw.bytes().all(|byte| byte != b'\\' && matches!(byte, b' '..=b'~')) {
+///
+/// A quote inside of it is written twice, where a kind of text has that: else it would be its end.
+pub(crate) fn unquote(raw: &str, quote: char, quoting: &Quoting, faults: &mut Vec<QuotedFault>) -> Box<str> {
+    let is_plain = |byte: u8| matches!(byte, b' '..=b'~') && byte != b'\\' && char::from(byte) != quote;
+    if raw.bytes().all(is_plain) {
         return raw.into();
     }
     let mut out = String::with_capacity(raw.len());
@@ -198,24 +216,25 @@ pub(crate) fn unquote(raw: &str, quote: char, faults: &mut Vec<QuotedFault>) -> 
     while let Some(c) = raw[at..].chars().next() {
         let mut end = at + c.len_utf8();
         if c == '\\' {
-            let (value, len) = escape(&raw[end..], quote);
+            let (value, len) = (quoting.escape)(&raw[end..], quote);
             end += len;
             match value {
-                Ok(value) => out.push(value),
+                Ok(value) => out.extend(value),
                 Err(help) => faults.push(QuotedFault { start: at, end, escape: true, help }),
             }
         } else if is_hidden(c) {
-            faults.push(QuotedFault { start: at, end, escape: false, help: INVISIBLE });
+            faults.push(QuotedFault { start: at, end, escape: false, help: quoting.invisible });
         } else {
             out.push(c);
+            end += usize::from(c == quote);
         }
         at = end;
     }
     out.into()
 }
 
-/// The character of the escape that goes on with `rest`, and how many bytes of `rest` it takes.
-fn escape(rest: &str, quote: char) -> (Result<char, &'static str>, usize) {
+/// The escape that goes on with `rest`.
+fn escape(rest: &str, quote: char) -> Escaped {
     let Some(c) = rest.chars().next() else { return (Err(ESCAPES), 0) };
     let value = match c {
         'n' => '\n',
@@ -227,11 +246,11 @@ fn escape(rest: &str, quote: char) -> (Result<char, &'static str>, usize) {
         c if c == quote => c,
         _ => return (Err(ESCAPES), c.len_utf8()),
     };
-    (Ok(value), c.len_utf8())
+    (Ok(Some(value)), c.len_utf8())
 }
 
 /// `rest` starts with the `u` of `\u{…}`.
-fn unicode_escape(rest: &str) -> (Result<char, &'static str>, usize) {
+fn unicode_escape(rest: &str) -> Escaped {
     let Some(digits) = rest.strip_prefix("u{") else { return (Err(UNICODE), 1) };
     let len = digits.bytes().take_while(u8::is_ascii_hexdigit).count();
     if !digits[len..].starts_with('}') {
@@ -241,7 +260,7 @@ fn unicode_escape(rest: &str) -> (Result<char, &'static str>, usize) {
         .contains(&len)
         .then(|| u32::from_str_radix(&digits[..len], 16).ok().and_then(char::from_u32))
         .flatten();
-    (value.ok_or(UNICODE), len + 3)
+    (value.map(Some).ok_or(UNICODE), len + 3)
 }
 
 #[cfg(test)]

@@ -258,15 +258,9 @@ impl<'t> Lexer<'t> {
 
     /// `raw` starts at byte `at` of the text.
     fn unquote(&mut self, raw: &str, quote: char, at: usize) -> Box<str> {
-        let value = literal::unquote(raw, quote, &mut self.faults);
+        let value = literal::unquote(raw, quote, &literal::PLAIN, &mut self.faults);
         for fault in std::mem::take(&mut self.faults) {
-            let span = self.span(at + fault.start, at + fault.end);
-            let text = show(&raw[fault.start..fault.end]);
-            self.report.push(if fault.escape {
-                ParseError::Escape { text, at: span, help: fault.help }
-            } else {
-                ParseError::Character { text, at: span, help: fault.help }
-            });
+            self.report.push(fault.error(raw, self.file, at));
         }
         value
     }
@@ -335,6 +329,18 @@ impl<'t> Lexer<'t> {
         let help = character_help(first, self.raw.remainder());
         self.report.push(ParseError::Character { text, at: self.span(start, end), help });
         Token::Invalid
+    }
+}
+
+impl QuotedFault {
+    /// The mistake for it: `raw` is the quoted text, which starts at byte `at` of the file.
+    pub(crate) fn error(&self, raw: &str, file: FileId, at: usize) -> ParseError {
+        let (text, help) = (show(&raw[self.start..self.end]), self.help);
+        let at = Span::new(file, at + self.start, at + self.end);
+        match self.escape {
+            true => ParseError::Escape { text, at, help },
+            false => ParseError::Character { text, at, help },
+        }
     }
 }
 

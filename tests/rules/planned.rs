@@ -9,7 +9,7 @@ use vm::desc::Desc;
 use vm::edit::{Edit, What};
 use vm::path::Path;
 use vm::rules::View;
-use vm::rules::view::{Task, TreeView};
+use vm::rules::view::{Attr, Task, TreeView};
 use vm::value::{Obj, Symbol, Value};
 
 use super::answers::End;
@@ -242,7 +242,7 @@ fn planned_clauses_answer_as_written() {
                 let tree = tree(&mut Dice::new(seed * 77 + number as u64));
                 for task in 0..tree.len() as u32 {
                     assert_eq!(tree.at(&tree.path(task)), Some(task), "the path of each is its own");
-                    edited += usize::from(tree.words(task).1 == "planned");
+                    edited += usize::from(tree.attr(task, Attr::Status) == Some(Value::symbol("planned")));
                 }
                 let found = |name: &str| over(&session, &format!("t{number}{name}"), &tree);
                 let (ours, as_written) = (found("w"), found("u"));

@@ -9,7 +9,7 @@ use vm::value::Symbol;
 
 use super::{MOST_ARGS, Staged, goal, key, place};
 use crate::Compiler;
-use crate::define::Text;
+use crate::define::{Text, one_with_doc};
 use crate::error::CompileError;
 use crate::module::{Definition, Found, Meaning, ModuleId};
 
@@ -274,10 +274,8 @@ impl Compiler<'_> {
     // ------------------------------------------------------------------ single predicates
 
     fn def_open_predicate(&mut self, work: &mut Text, form: &Form, name: Symbol, rest: &[Form]) {
-        let (arity, doc) = match rest {
-            [arity] => (arity, None),
-            [arity, Form { kind: FormKind::Str(doc), .. }] => (arity, Some(doc.clone())),
-            _ => return self.misshapen_top(form, "takes a name, a number of arguments, and perhaps a text"),
+        let Some((arity, doc)) = one_with_doc(rest) else {
+            return self.misshapen_top(form, "takes a name, a number of arguments, and perhaps a text");
         };
         let FormKind::Int(arity @ 0..=100) = arity.kind else {
             return self.misshapen_top(form, "needs a number of arguments up to 100");
@@ -299,10 +297,8 @@ impl Compiler<'_> {
     }
 
     fn def_native_rule(&mut self, work: &mut Text, form: &Form, name: Symbol, rest: &[Form]) {
-        let (params, doc) = match rest {
-            [params] => (params, None),
-            [params, Form { kind: FormKind::Str(doc), .. }] => (params, Some(doc.clone())),
-            _ => return self.misshapen_top(form, "takes a name, arguments and a text"),
+        let Some((params, doc)) = one_with_doc(rest) else {
+            return self.misshapen_top(form, "takes a name, arguments and a text");
         };
         let params = self.param_forms(params).params;
         let arity = params.names.len() as u8;

@@ -207,15 +207,7 @@ impl Front {
         file: FileId,
         text: &str,
     ) -> Result<CompiledGoal, Vec<Report>> {
-        let mut goal = None;
-        let loaded = self.with(program, |compiler| {
-            goal = compiler.typed_goal(module, file, text);
-            Vec::new()
-        });
-        match goal {
-            Some(goal) if loaded.reports.iter().all(Report::is_warning) => Ok(goal),
-            _ => Err(loaded.reports),
-        }
+        self.made(program, |compiler| compiler.typed_goal(module, file, text))
     }
 }
 

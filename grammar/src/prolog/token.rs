@@ -9,7 +9,7 @@ use logos::Logos;
 use super::error::PrologError;
 use crate::error::ParseError;
 use crate::form::Symbol;
-use crate::literal::{self, QuotedFault, Word};
+use crate::literal::{self, Escaped, Quoting, Word};
 use crate::parse::Comment;
 use crate::span::{FileId, Span};
 use crate::token::{Bracket, Report, line_end, preamble, show};
@@ -201,15 +201,9 @@ impl<'t> Lexer<'t> {
         };
         self.raw.bump(len + 1);
         let mut faults = Vec::new();
-        let value = unquote(&rest[..len], quote, &mut faults);
+        let value = literal::unquote(&rest[..len], quote, &QUOTING, &mut faults);
         for fault in faults {
-            let span = self.span(start + 1 + fault.start, start + 1 + fault.end);
-            let text = show(&rest[fault.start..fault.end]);
-            self.report.push(if fault.escape {
-                ParseError::Escape { text, at: span, help: fault.help }
-            } else {
-                ParseError::Character { text, at: span, help: fault.help }
-            });
+            self.report.push(fault.error(rest, self.file, start + 1));
         }
         Some(value)
     }
@@ -312,34 +306,10 @@ const ESCAPES: &str = "the escapes are `\\n`, `\\t`, `\\r`, `\\a`, `\\b`, `\\f`,
 const NUMBERED: &str = "no character has this number; it is written `\\x1F600\\`, `\\u00e9` or `\\351\\`";
 const INVISIBLE: &str = "an invisible character is written by its number: `\\x1b\\`";
 
-/// The text between two quotes, its escapes resolved. Faults are left out of the result.
-fn unquote(raw: &str, quote: char, faults: &mut Vec<QuotedFault>) -> Box<str> {
-    let mut out = String::with_capacity(raw.len());
-    let mut at = 0;
-    while let Some(c) = raw[at..].chars().next() {
-        let mut end = at + c.len_utf8();
-        if c == '\\' {
-            let (value, len) = escape(&raw[end..]);
-            end += len;
-            match value {
-                Ok(value) => out.extend(value),
-                Err(help) => faults.push(QuotedFault { start: at, end, escape: true, help }),
-            }
-        } else if literal::is_hidden(c) {
-            faults.push(QuotedFault { start: at, end, escape: false, help: INVISIBLE });
-        } else {
-            out.push(c);
-            // A quote stands for itself if it is written twice.
-            end += usize::from(c == quote);
-        }
-        at = end;
-    }
-    out.into()
-}
+const QUOTING: Quoting = Quoting { escape: |rest, _| escape(rest), invisible: INVISIBLE };
 
-/// The character of the escape that goes on with `rest`, none for an escaped line end, and how many
-/// bytes of `rest` it takes.
-fn escape(rest: &str) -> (Result<Option<char>, &'static str>, usize) {
+/// The escape that goes on with `rest`.
+fn escape(rest: &str) -> Escaped {
     let Some(c) = rest.chars().next() else { return (Err(ESCAPES), 0) };
     let value = match c {
         'n' => '\n',
@@ -364,12 +334,7 @@ fn escape(rest: &str) -> (Result<Option<char>, &'static str>, usize) {
 }
 
 /// A character's number, and a backslash that ends it; `before` bytes of the escape were read.
-fn numbered(
-    rest: &str,
-    radix: u32,
-    most: usize,
-    before: usize,
-) -> (Result<Option<char>, &'static str>, usize) {
+fn numbered(rest: &str, radix: u32, most: usize, before: usize) -> Escaped {
     let len = rest.chars().take(most).take_while(|c| c.is_digit(radix)).count();
     let closed = most == usize::MAX && rest[len..].starts_with('\\');
     let value = u32::from_str_radix(&rest[..len], radix).ok().and_then(char::from_u32);

@@ -294,6 +294,19 @@ impl Goal {
         }
     }
 
+    /// True if a cut of its clause is in it. What is nested in other goals is left by its cuts only.
+    #[must_use]
+    pub fn cuts(&self) -> bool {
+        match &self.kind {
+            GoalKind::Cut => true,
+            GoalKind::And(goals) | GoalKind::Or(goals) => goals.iter().any(Goal::cuts),
+            GoalKind::If { then, otherwise, .. } => {
+                then.cuts() || otherwise.as_deref().is_some_and(Goal::cuts)
+            }
+            _ => false,
+        }
+    }
+
     /// True if it calls a function.
     #[must_use]
     pub fn calls_functions(&self) -> bool {

@@ -42,7 +42,7 @@ pub struct Planned {
 
 /// Plans a clause; nothing if it stays as it is. Its joins come behind those of the rules.
 pub fn plan(rules: &Rules, clause: &Clause, joins: &mut Vec<Rc<Join>>) -> Option<Planned> {
-    if conjuncts(&clause.body).iter().any(|goal| has_cut(goal)) {
+    if clause.body.cuts() {
         return None;
     }
     let mut it = Inline { rules, vars: clause.vars.clone(), inlined: Vec::new(), goals: Vec::new() };
@@ -66,15 +66,6 @@ pub fn plan(rules: &Rules, clause: &Clause, joins: &mut Vec<Rc<Join>>) -> Option
     let body = Goal { kind: GoalKind::And(goals), place: clause.body.place };
     let clause = Clause { body, vars, ..clause.clone() };
     Some(Planned { clause, inlined })
-}
-
-fn has_cut(goal: &Goal) -> bool {
-    match &goal.kind {
-        GoalKind::Cut => true,
-        GoalKind::And(goals) | GoalKind::Or(goals) => goals.iter().any(has_cut),
-        GoalKind::If { then, otherwise, .. } => has_cut(then) || otherwise.as_deref().is_some_and(has_cut),
-        _ => false,
-    }
 }
 
 pub(super) fn tree_name<'r>(rules: &'r Rules, goal: &Goal) -> Option<&'r str> {

@@ -67,6 +67,13 @@ impl Engine {
                     }
                 };
             }
+            // What register r holds; a list or structure from outside comes on the heap.
+            macro_rules! opened {
+                ($r:expr) => {{
+                    let cell = store.deref(at!($r));
+                    if let Cell::Obj(_) = cell { store.open(cell) } else { cell }
+                }};
+            }
             // A part of a cell of a list that is made at `at`.
             macro_rules! make {
                 ($part:expr, $at:expr) => {
@@ -173,11 +180,7 @@ impl Engine {
                         (a, constant) => holds!(store.unify(a, constant)),
                     },
                     RuleOp::GetPair(a, first, rest) => {
-                        let mut cell = store.deref(at!(a));
-                        if let Cell::Obj(_) = cell {
-                            cell = store.open(cell);
-                        }
-                        match cell {
+                        match opened!(a) {
                             Cell::Pair(pair) => {
                                 look!(first, pair);
                                 look!(rest, pair + 1);
@@ -199,45 +202,33 @@ impl Engine {
                             _ => fail!(),
                         }
                     }
-                    RuleOp::GetParts(a, first, rest) => {
-                        let mut cell = store.deref(at!(a));
-                        if let Cell::Obj(_) = cell {
-                            cell = store.open(cell);
+                    RuleOp::GetParts(a, first, rest) => match opened!(a) {
+                        Cell::Pair(pair) => {
+                            [at!(first), at!(rest)] = store.pair_at(pair);
                         }
-                        match cell {
-                            Cell::Pair(pair) => {
-                                [at!(first), at!(rest)] = store.pair_at(pair);
-                            }
-                            Cell::Ref(var) => {
-                                let at = store.heap.len() as u32;
-                                (at!(first), at!(rest)) = (Cell::Ref(at), Cell::Ref(at + 1));
-                                let pair = store.pair(at!(first), at!(rest));
-                                store.bind(var, pair);
-                            }
-                            _ => fail!(),
+                        Cell::Ref(var) => {
+                            let at = store.heap.len() as u32;
+                            (at!(first), at!(rest)) = (Cell::Ref(at), Cell::Ref(at + 1));
+                            let pair = store.pair(at!(first), at!(rest));
+                            store.bind(var, pair);
                         }
-                    }
-                    RuleOp::GetRest(a, first, rest) => {
-                        let mut cell = store.deref(at!(a));
-                        if let Cell::Obj(_) = cell {
-                            cell = store.open(cell);
+                        _ => fail!(),
+                    },
+                    RuleOp::GetRest(a, first, rest) => match opened!(a) {
+                        Cell::Ref(var) => {
+                            without!(var, first);
+                            let at = store.heap.len() as u32;
+                            let pair = store.pair(at!(first), Cell::Ref(at + 1));
+                            at!(rest) = Cell::Ref(at + 1);
+                            store.bind(var, pair);
                         }
-                        match cell {
-                            Cell::Ref(var) => {
-                                without!(var, first);
-                                let at = store.heap.len() as u32;
-                                let pair = store.pair(at!(first), Cell::Ref(at + 1));
-                                at!(rest) = Cell::Ref(at + 1);
-                                store.bind(var, pair);
-                            }
-                            Cell::Pair(pair) => {
-                                let [head, tail] = store.pair_at(pair);
-                                holds!(store.unify(at!(first), head));
-                                at!(rest) = tail;
-                            }
-                            _ => fail!(),
+                        Cell::Pair(pair) => {
+                            let [head, tail] = store.pair_at(pair);
+                            holds!(store.unify(at!(first), head));
+                            at!(rest) = tail;
                         }
-                    }
+                        _ => fail!(),
+                    },
                     RuleOp::GetStruct(a, s, t) => {
                         let template = &rules.templates[t.0 as usize];
                         let cell = store.open(at!(a));

@@ -16,45 +16,12 @@ use super::view::{Attr, Column, List, TreeView};
 /// The table of all of them.
 pub const TABLE: &[(&str, u8, NativeRule)] = &[
     ("task", 1, |call| tasks(call, 0, |view, _| List::new(view.all()), |_, _| Ok(true))),
-    ("task-name", 2, |call| {
-        tasks(
-            call,
-            0,
-            |view, call| match symbol_arg(call, 1) {
-                Some(name) => view.column(Attr::Name).with(view.number(&Value::Imm(Imm::Symbol(name)))),
-                None => List::new(view.all()),
-            },
-            |call, task| {
-                let name = call.view.tree.name(task);
-                call.unify(1, Cell::Imm(Imm::Symbol(name)))
-            },
-        )
-    }),
-    ("task-type", 2, |call| column(call, Symbol::from("type"), 1)),
+    ("task-name", 2, |call| column(call, Attr::Name, 1)),
+    ("task-type", 2, |call| column(call, Attr::Param(Symbol::from("type")), 1)),
     ("task-param", 3, param),
     ("task-param-written", 3, |call| properties(call, TreeView::written_params)),
-    ("task-kind", 2, |call| {
-        tasks(
-            call,
-            0,
-            |view, _| List::new(view.all()),
-            |call, task| {
-                let (kind, _) = call.view.tree.words(task);
-                call.unify(1, Cell::Imm(Imm::Symbol(kind)))
-            },
-        )
-    }),
-    ("task-status", 2, |call| {
-        tasks(
-            call,
-            0,
-            |view, _| List::new(view.all()),
-            |call, task| {
-                let (_, status) = call.view.tree.words(task);
-                call.unify(1, Cell::Imm(Imm::Symbol(status)))
-            },
-        )
-    }),
+    ("task-kind", 2, |call| column(call, Attr::Kind, 1)),
+    ("task-status", 2, |call| column(call, Attr::Status, 1)),
     ("task-value", 2, |call| functional(call, |view, task| Some(view.value(task)))),
     ("task-failure", 2, |call| functional(call, TreeView::failure)),
     ("task-grounded", 2, |call| functional(call, TreeView::grounded)),
@@ -287,11 +254,11 @@ fn with_value(call: &Call<'_>, column: &Column, n: usize) -> List {
     column.with(number)
 }
 
-/// A property that argument `n` is the value of.
-fn column(call: &mut Call<'_>, key: Symbol, n: usize) -> Result<Found, Raise> {
+/// What argument `n` says that a task has.
+fn column(call: &mut Call<'_>, attr: Attr, n: usize) -> Result<Found, Raise> {
     match task_arg(call, 0) {
         TaskArg::None => Ok(Found::No),
-        TaskArg::Task(task) => match call.view.tree.param(task, key) {
+        TaskArg::Task(task) => match call.view.tree.attr(task, attr) {
             Some(value) => {
                 let holds = call.unify_value(n, &value)?;
                 Call::test(holds)
@@ -299,7 +266,7 @@ fn column(call: &mut Call<'_>, key: Symbol, n: usize) -> Result<Found, Raise> {
             None => Ok(Found::No),
         },
         TaskArg::Free => {
-            let column = call.view.tree.column(Attr::Param(key));
+            let column = call.view.tree.column(attr);
             let list = with_value(call, &column, n);
             Ok(match list.is_empty() {
                 true => Found::No,
@@ -332,7 +299,7 @@ impl Alternatives for InColumn {
 /// `(task-param ?task key ?value)`
 fn param(call: &mut Call<'_>) -> Result<Found, Raise> {
     match call.arg(1) {
-        Cell::Imm(Imm::Symbol(key) | Imm::Keyword(key)) => column(call, key, 2),
+        Cell::Imm(Imm::Symbol(key) | Imm::Keyword(key)) => column(call, Attr::Param(key), 2),
         Cell::Ref(_) => properties(call, TreeView::params),
         _ => Ok(Found::No),
     }
