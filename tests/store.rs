@@ -42,16 +42,7 @@ impl Drop for Folder {
 }
 
 /// Reads a file now and then, and grows a tree with failures and parallel branches.
-const WORK: &str = r#"
-(def-plan tick (i) (* i 2))
-(def-plan bad (n) (fail plan-failure :message n))
-(def-plan turn (n)
-  (when (= (mod n 3) 0)
-    (with-failure-handling ((plan-failure (e) (return 1))) (bad n)))
-  (par (sleep 0.1) (tick n))
-  (write-file "out.txt" (string (read-file "in.txt") "!")))
-(def-plan main () (dotimes (n 40) (turn n) (dotimes (i 250) (tick i))))
-"#;
+const WORK: &str = include_str!("store/work.plan");
 
 const NO_STORE: &str = "run work.plan --allow read=. --allow write=. --quiet --json";
 
@@ -142,23 +133,6 @@ fn a_killed_run_goes_on_to_the_same_tree() {
 fn each_of_200_killed_runs_goes_on_to_the_same_tree() {
     kill(150, "virtual");
     kill(50, "real");
-}
-
-#[test]
-fn a_full_disk_stops_the_run_and_leaves_a_store_that_opens() {
-    let folder = work("full");
-    for at in [1, 2, 3, 100, 15_000] {
-        let store = format!("{at}.store");
-        let args = format!("run work.plan --allow read=. --allow write=. --quiet --store {store}");
-        let output = folder.command(&args).env("PLEACH_TEST_STORE_FAILS_IN", at.to_string()).output();
-        let output = output.expect("it can be called");
-        let error = String::from_utf8_lossy(&output.stderr);
-        assert!(error.contains("cannot write the store") && error.contains("the disk is full"), "{error}");
-        assert_eq!(output.status.code(), Some(2));
-        folder.said(&format!("store check {store}"));
-        folder.said(&format!("resume {store} --quiet"));
-        folder.said(&format!("store check {store}"));
-    }
 }
 
 const EDITED: &str = r#"

@@ -33,6 +33,8 @@ pub struct Place {
     pub path: PathBuf,
     /// The tree that it goes on with; nothing for a new one.
     pub tree: Option<String>,
+    /// For tests: after so many calls of the store the disk is full.
+    pub fails_in: Option<u64>,
 }
 
 /// Keeps a run.
@@ -73,9 +75,7 @@ impl Keeper {
             orphans,
         };
         let mut writer = Writer::begin(store, begin)?;
-        // For tests of what happens when the disk is full.
-        let fails_in = std::env::var("PLEACH_TEST_STORE_FAILS_IN").ok().and_then(|it| it.parse::<u64>().ok());
-        writer.fails_at = fails_in.map(|calls| writer.calls() + calls);
+        writer.fails_at = place.fails_in.map(|calls| writer.calls() + calls);
         Ok(Keeper { writer, path: place.path.clone(), last: Instant::now() })
     }
 
@@ -194,4 +194,67 @@ pub fn recorded(path: &Path, run: Option<&str>, to_go_on: bool) -> Result<Record
 pub fn base(store: &Store, id: i64) -> Result<SavedTree, Trouble> {
     let version = store.version_by_id(id)?;
     Ok(store.tree(&version)?)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use clap::Parser as _;
+    use store::Store;
+
+    use crate::cli::{Answer, Command, ERRORS, Line, Trouble, exit_code, resume, run};
+
+    fn line(words: &[&str]) -> Command {
+        Line::try_parse_from(words).unwrap_or_else(|error| panic!("{error}")).command
+    }
+
+    #[track_caller]
+    fn assert_whole(store: &Path) {
+        let store = Store::read(store).expect("it opens");
+        assert_eq!(store.check_pages(), None);
+        let findings = store.check().expect("it is read");
+        assert!(findings.iter().all(|it| it.trouble.is_none()), "{findings:?}");
+    }
+
+    /// Runs with a store on a disk that is full after so many calls; what was wrong.
+    fn run_until_full(folder: &Path, store: &Path, calls: u64) -> Trouble {
+        let (file, store) = (folder.join("work.plan"), store.display().to_string());
+        let (read, write) = (format!("read={}", folder.display()), format!("write={}", folder.display()));
+        let words = ["pleach", "run", &file.display().to_string(), "--allow", &read, "--allow", &write];
+        let Command::Run(mut it) = line(&[&words[..], &["--quiet", "--store", &store]].concat()) else {
+            panic!("it is a run")
+        };
+        it.store_fails_in = Some(calls);
+        run::run(*it).expect_err("the disk is full")
+    }
+
+    fn go_on(store: &Path) -> Answer {
+        let Command::Resume(it) = line(&["pleach", "resume", &store.display().to_string(), "--quiet"]) else {
+            panic!("it goes on")
+        };
+        resume::resume(&it)
+    }
+
+    #[test]
+    fn a_full_disk_stops_the_run_and_leaves_a_store_that_opens() {
+        let folder = std::env::temp_dir().join(format!("pleach-full-{}", std::process::id()));
+        std::fs::create_dir_all(&folder).expect("a folder can be made");
+        let there = |name| format!("\"{}", folder.join(name).display());
+        let work = include_str!("../../tests/store/work.plan");
+        let work = work.replace("\"in.txt", &there("in.txt")).replace("\"out.txt", &there("out.txt"));
+        std::fs::write(folder.join("work.plan"), work).expect("it can be written");
+        std::fs::write(folder.join("in.txt"), "hello").expect("it can be written");
+        for calls in [1, 2, 3, 100, 15_000] {
+            let store = folder.join(format!("{calls}.store"));
+            let trouble = run_until_full(&folder, &store, calls);
+            let what = &trouble.what;
+            assert!(what.contains("cannot write the store") && what.contains("the disk is full"), "{what}");
+            assert_eq!(exit_code(Err(trouble)), ERRORS);
+            assert_whole(&store);
+            assert_eq!(go_on(&store).expect("it goes on"), 0);
+            assert_whole(&store);
+        }
+        let _ = std::fs::remove_dir_all(&folder);
+    }
 }

@@ -150,6 +150,11 @@ pub fn main() -> u8 {
         Command::Explain(it) => explain::run(&it),
         Command::Doc(it) => doc::run(&it),
     };
+    exit_code(answer)
+}
+
+/// The exit code of an answer. Trouble is said.
+fn exit_code(answer: Answer) -> u8 {
     answer.unwrap_or_else(|trouble| {
         term::complain(&term::trouble(&trouble));
         ERRORS

@@ -76,6 +76,9 @@ pub struct Run {
     /// Go on with this tree of the store: its edits apply, and the run is its next version
     #[arg(long, value_name = "NAME", requires = "store", value_parser = tree_name)]
     tree: Option<String>,
+    /// No option: tests say when the disk of the store is full.
+    #[arg(skip)]
+    pub store_fails_in: Option<u64>,
     /// Stop when so many calls and backward jumps have been done
     #[arg(long, value_name = "STEP", value_parser = super::settings::count)]
     stop_at: Option<u64>,
@@ -166,7 +169,7 @@ pub fn run(it: Run) -> Answer {
     if let Some(schedules) = it.schedules {
         return super::schedules::explore(&job, &it.show, schedules);
     }
-    let store = it.store.map(|path| Place { path, tree: it.tree });
+    let store = it.store.map(|path| Place { path, tree: it.tree, fails_in: it.store_fails_in });
     let (log, record, stop_at) = (it.log.as_deref(), it.record, it.stop_at);
     let start = Start { log, store, record, stop_at, ..Start::default() };
     perform(&job, &it.show, &start)

@@ -95,16 +95,22 @@ impl Store {
     /// # Errors
     /// The store cannot be read, or a row of the list is damaged.
     pub fn versions(&self) -> Result<Vec<VersionRow>, StoreError> {
+        self.version_rows()?.into_iter().map(|row| self.fitting_version(row)).collect()
+    }
+
+    /// All rows of the list, and whether their sums fit.
+    fn version_rows(&self) -> Result<Vec<(VersionRow, bool)>, StoreError> {
         let read = || -> rusqlite::Result<Vec<(VersionRow, bool)>> {
             let mut statement = self.db.prepare(&format!("{VERSION} ORDER BY id"))?;
             statement.query_map([], version_row)?.collect()
         };
-        let rows = read().map_err(|error| self.error(&error))?;
-        match rows.iter().find(|(_, fits)| !fits) {
-            Some((row, _)) => {
-                Err(self.damaged(row, None, "its row in `versions` is not what was written".into()))
-            }
-            None => Ok(rows.into_iter().map(|(row, _)| row).collect()),
+        read().map_err(|error| self.error(&error))
+    }
+
+    fn fitting_version(&self, (row, fits): (VersionRow, bool)) -> Result<VersionRow, StoreError> {
+        match fits {
+            true => Ok(row),
+            false => Err(self.damaged(&row, None, "its row in `versions` is not what was written".into())),
         }
     }
 
@@ -115,10 +121,7 @@ impl Store {
     pub fn version_by_id(&self, id: i64) -> Result<VersionRow, StoreError> {
         let row = self.db.query_row(&format!("{VERSION} WHERE id = ?"), [id], version_row);
         match row {
-            Ok((row, true)) => Ok(row),
-            Ok((row, false)) => {
-                Err(self.damaged(&row, None, "its row in `versions` is not what was written".into()))
-            }
+            Ok(row) => self.fitting_version(row),
             Err(rusqlite::Error::QueryReturnedNoRows) => Err(self.missing(format!("there is no run {id}"))),
             Err(error) => Err(self.error(&error)),
         }
@@ -371,12 +374,8 @@ impl Store {
     /// # Errors
     /// Not even the list of versions can be read.
     pub fn check(&self) -> Result<Vec<Finding>, StoreError> {
-        let read = || -> rusqlite::Result<Vec<(VersionRow, bool)>> {
-            let mut statement = self.db.prepare(&format!("{VERSION} ORDER BY id"))?;
-            statement.query_map([], version_row)?.collect()
-        };
-        let rows = read().map_err(|error| self.error(&error))?;
-        let check = |version: &VersionRow| -> Result<(), StoreError> {
+        let check = |row: (VersionRow, bool)| -> Result<(), StoreError> {
+            let version = &self.fitting_version(row)?;
             let tree = self.tree(version)?;
             tree.json().map_err(|what| self.damaged(version, None, what))?;
             self.log(version)?;
@@ -387,16 +386,8 @@ impl Store {
             }
             Ok(())
         };
-        let finding = |(version, fits): (VersionRow, bool)| {
-            let trouble = match fits {
-                true => check(&version).err(),
-                false => {
-                    Some(self.damaged(&version, None, "its row in `versions` is not what was written".into()))
-                }
-            };
-            Finding { version, trouble }
-        };
-        Ok(rows.into_iter().map(finding).collect())
+        let finding = |row: (VersionRow, bool)| Finding { version: row.0.clone(), trouble: check(row).err() };
+        Ok(self.version_rows()?.into_iter().map(finding).collect())
     }
 
     /// What SQLite says about the file as a whole; nothing if all is well.

@@ -78,6 +78,14 @@ fn entry(at: u64) -> Entry {
     Entry { round: at, step: 10 * at, clock: at, events: vec![Event { question, answer: Ok(at.into()) }] }
 }
 
+/// Such a folder with [`make`]'s store in it.
+fn made(name: &str) -> (Folder, PathBuf, Vec<SavedTree>) {
+    let folder = Folder::new(name);
+    let path = folder.file("a.store");
+    let trees = make(&path);
+    (folder, path, trees)
+}
+
 /// A store with two versions of a tree and a run with a log.
 fn make(path: &std::path::Path) -> Vec<SavedTree> {
     let trees = vec![tree(200, "milk"), tree(150, "cup")];
@@ -94,9 +102,7 @@ fn make(path: &std::path::Path) -> Vec<SavedTree> {
 
 #[test]
 fn what_is_written_is_read() {
-    let folder = Folder::new("round");
-    let path = folder.file("a.store");
-    let trees = make(&path);
+    let (_folder, path, trees) = made("round");
     let store = Store::read(&path).expect("it opens");
     let versions = store.versions().expect("they are listed");
     let names: Vec<_> = versions.iter().map(|it| format!("{}@{}", it.tree, it.version)).collect();
@@ -146,9 +152,7 @@ fn look_at(path: &std::path::Path, trees: &[SavedTree]) -> bool {
 
 /// Damages a file in so many ways; how many of them were seen.
 fn damage(times: usize, seed: u64) -> usize {
-    let folder = Folder::new(&format!("damage-{seed}"));
-    let path = folder.file("a.store");
-    let trees = make(&path);
+    let (folder, path, trees) = made(&format!("damage-{seed}"));
     let whole = std::fs::read(&path).expect("it is there");
     let (mut numbers, mut seen) = (Numbers(seed), 0);
     let bad = folder.file("bad.store");
@@ -187,9 +191,7 @@ fn damage_of_2000_kinds_is_an_error_or_changes_nothing() {
 
 #[test]
 fn an_error_names_tree_version_and_batch() {
-    let folder = Folder::new("names");
-    let path = folder.file("a.store");
-    let trees = make(&path);
+    let (_folder, path, trees) = made("names");
     let db = Connection::open(&path).expect("it opens");
     db.execute("UPDATE records SET value = '\"wine\"' WHERE id = 2 AND record = 77", [])
         .expect("it is changed");
@@ -304,9 +306,7 @@ fn other_files_are_refused() {
 
 #[test]
 fn forgotten_versions_are_gone() {
-    let folder = Folder::new("forget");
-    let path = folder.file("a.store");
-    let trees = make(&path);
+    let (_folder, path, trees) = made("forget");
     Store::write(&path).and_then(|mut store| store.forget(&[1])).expect("it is forgotten");
     let store = Store::read(&path).expect("it opens");
     assert_eq!(store.versions().map(|it| it.len()), Ok(2));

@@ -16,7 +16,7 @@ use nalgebra::{Isometry3, Vector3};
 
 use crate::robot::collision::{Carried, Obstacles};
 use crate::robot::model::{LinkId, VariableId};
-use crate::scene::{ContainerId, ObjectId, SurfaceId};
+use crate::scene::{ContainerId, ObjectId, Surface, SurfaceId};
 use crate::setting::{Machine, Setting};
 
 /// Carriers of carriers of carriers: a tray on a tray in a drawer.
@@ -242,8 +242,13 @@ impl State {
     /// The container that an object is in.
     #[must_use]
     pub fn container_of(&self, object: ObjectId) -> Option<ContainerId> {
+        self.surface_below(object).and_then(|it| it.inside)
+    }
+
+    /// The surface that an object stands on, in the end.
+    fn surface_below(&self, object: ObjectId) -> Option<&Surface> {
         match self.ground_of(object) {
-            Support::Surface(surface) => self.setting.scene.surfaces[surface.0].inside,
+            Support::Surface(surface) => self.setting.scene.surfaces.get(surface.0),
             _ => None,
         }
     }
@@ -357,10 +362,7 @@ impl State {
     /// The drawer that an object moves with.
     #[must_use]
     pub fn drawer_of(&self, object: ObjectId) -> Option<ContainerId> {
-        match self.ground_of(object) {
-            Support::Surface(surface) => self.setting.scene.surfaces[surface.0].moves_with,
-            _ => None,
-        }
+        self.surface_below(object).and_then(|it| it.moves_with)
     }
 
     /// The surface right below a point, and how far below: within `reach_m`, objects' trays included.

@@ -17,6 +17,7 @@ pub mod detect;
 pub mod hand;
 pub mod joints;
 pub mod model;
+mod physics;
 pub mod settle;
 mod simulate;
 pub mod tool;

@@ -1,18 +1,17 @@
 //! What becomes of an object that nobody holds any more: a short simulation with rapier.
 //!
 //! The object and what stands on it are dynamic, all else that is near stands still. The simulation ends
-//! when they rest. Coordinates are those around the object, so nothing is lost in `f32` far from the
-//! origin. What ends as upright as it began is put exactly upright on the plane that carries it: a
+//! when they rest. What ends as upright as it began is put exactly upright on the plane that carries it: a
 //! simulation leaves a tenth of a millimetre here and there, which would add up from one placing to the next.
 
-use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
-use rapier3d::prelude::*;
+use nalgebra::{Isometry3, Translation3, Vector3};
+use rapier3d::prelude::{InteractionGroups, RigidBodyHandle};
 
-use crate::parry::{Solid, pose as parry_pose};
 use crate::scene::{ContainerId, ObjectId};
 use crate::shape::PosedShape;
 use crate::state::{State, Support};
 
+use super::physics::{Physics, WOOD};
 use super::{MODEL, Trouble};
 
 /// Seconds of a step.
@@ -57,8 +56,7 @@ pub(super) fn settle(state: &State, object: ObjectId) -> Settled {
 }
 
 fn simulate(state: &State, load: &[ObjectId], origin: &Vector3<f64>) -> Vec<Isometry3<f64>> {
-    let local = Translation3::from(-origin);
-    let (mut bodies, mut colliders) = (RigidBodySet::new(), ColliderSet::new());
+    let mut physics = Physics::new(Translation3::from(-origin), STEP_S);
     let scene = &state.setting.scene;
     let near = |pose: &Isometry3<f64>, shape: &PosedShape| {
         let (low, high) = PosedShape { pose: pose * shape.pose, shape: shape.shape }.bounds();
@@ -69,12 +67,9 @@ fn simulate(state: &State, load: &[ObjectId], origin: &Vector3<f64>) -> Vec<Isom
     };
     let mut stand = |pose: Isometry3<f64>, shapes: &[PosedShape], friction: f64| {
         for shape in shapes.iter().filter(|shape| near(&pose, shape)) {
-            let (at, solid) =
-                Solid::new(&PosedShape { pose: local * pose * shape.pose, shape: shape.shape }).part();
-            colliders.insert(ColliderBuilder::new(solid).position(at).friction(friction as f32));
+            physics.stand(&pose, shape, friction, InteractionGroups::default());
         }
     };
-    const WOOD: f64 = 0.6;
     for fixture in &scene.fixtures {
         stand(fixture.pose, &fixture.shapes, WOOD);
     }
@@ -88,77 +83,22 @@ fn simulate(state: &State, load: &[ObjectId], origin: &Vector3<f64>) -> Vec<Isom
     }
     let floor = crate::scene::boxed(Vector3::new(100.0, 100.0, 1.0), Vector3::new(0.0, 0.0, -0.5), 0.0);
     stand(Isometry3::translation(origin.x, origin.y, 0.0), &[floor], WOOD);
-    let handles: Vec<RigidBodyHandle> = load
+    let bodies: Vec<RigidBodyHandle> = load
         .iter()
         .map(|object| {
             let kind = scene.kind_of(*object);
-            let body = RigidBodyBuilder::dynamic().pose(parry_pose(&(local * state.object_pose(*object))));
-            let handle = bodies.insert(body.can_sleep(false));
-            let volume: f64 = kind.shapes.iter().map(|it| it.shape.volume()).sum();
-            let density = (kind.mass_kg / volume.max(1e-9)) as f32;
-            for shape in &kind.shapes {
-                let (at, solid) = Solid::new(shape).part();
-                let collider =
-                    ColliderBuilder::new(solid).position(at).density(density).friction(kind.friction as f32);
-                colliders.insert_with_parent(collider, handle, &mut bodies);
-            }
-            handle
+            physics.drop_in(kind, &state.object_pose(*object), kind.friction, |collider| collider)
         })
         .collect();
-    run(&mut bodies, &mut colliders, &handles);
-    handles
-        .iter()
-        .map(|handle| {
-            let pose = bodies[*handle].position();
-            let (t, r) = (pose.translation, pose.rotation);
-            let turn =
-                nalgebra::Quaternion::new(f64::from(r.w), f64::from(r.x), f64::from(r.y), f64::from(r.z));
-            let at = Translation3::new(f64::from(t.x), f64::from(t.y), f64::from(t.z));
-            local.inverse() * Isometry3::from_parts(at, UnitQuaternion::from_quaternion(turn))
-        })
-        .collect()
+    run(&mut physics, &bodies);
+    bodies.iter().map(|body| physics.pose_of(*body)).collect()
 }
 
-/// Of rapier, for things of the size of a hand: by default contacts are those of things ten times as large, and one is used
-/// again until the two have moved by 5 cm, with the normal that it had.
-pub(super) fn parameters(step_s: f32) -> IntegrationParameters {
-    IntegrationParameters {
-        dt: step_s,
-        length_unit: 0.1,
-        contact_recycling: false,
-        ..IntegrationParameters::default()
-    }
-}
-
-fn run(bodies: &mut RigidBodySet, colliders: &mut ColliderSet, handles: &[RigidBodyHandle]) {
-    let parameters = parameters(STEP_S);
-    let mut pipeline = PhysicsPipeline::new();
-    let (mut islands, mut broad, mut narrow) =
-        (IslandManager::new(), DefaultBroadPhase::new(), NarrowPhase::new());
-    let (mut impulses, mut multibodies) = (ImpulseJointSet::new(), MultibodyJointSet::new());
-    let (mut ccd, mut soft) = (CCDSolver::new(), SoftBodySet::new());
+fn run(physics: &mut Physics, bodies: &[RigidBodyHandle]) {
     let mut resting = 0;
     for _ in 0..MAX_STEPS {
-        pipeline.step(
-            Vector::new(0.0, 0.0, -9.81),
-            &parameters,
-            &mut islands,
-            &mut broad,
-            &mut narrow,
-            bodies,
-            colliders,
-            &mut impulses,
-            &mut multibodies,
-            &mut soft,
-            &mut ccd,
-            &(),
-            &(),
-        );
-        let still = |handle: &RigidBodyHandle| {
-            let body = &bodies[*handle];
-            body.linvel().length() < REST && body.angvel().length() < REST
-        };
-        resting = if handles.iter().all(still) { resting + 1 } else { 0 };
+        physics.world.step();
+        resting = if bodies.iter().all(|body| physics.rests(*body, REST)) { resting + 1 } else { 0 };
         if resting >= REST_STEPS {
             return;
         }

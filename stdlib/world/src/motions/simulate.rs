@@ -15,7 +15,7 @@
 //! 1. The same state, outcome and seed give the same bits.
 //! 2. At most [`MAX_STEPS`] steps: motions that take longer go faster.
 
-use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Translation3, Vector3};
 use rapier3d::prelude::*;
 
 use crate::parry::{Solid, pose as parry_pose};
@@ -27,7 +27,8 @@ use crate::shape::PosedShape;
 use crate::state::{Grip, State, Support, fingers};
 
 use super::hand::nearest_grasp;
-use super::settle::{ground, judge, parameters};
+use super::physics::{Physics, WOOD};
+use super::settle::{ground, judge};
 use super::{Draws, Event, MODEL, Outcome, Trouble};
 
 /// Seconds of a step.
@@ -59,8 +60,6 @@ const LEVER_M: f64 = 0.03;
 /// What has moved less has not moved, metres and radians.
 const SAME_M: f64 = 0.0005;
 const SAME_RAD: f64 = 0.005;
-/// Friction of furniture, and of the robot.
-const WOOD: f32 = 0.6;
 
 /// What the simulation made of a motion.
 #[derive(Default)]
@@ -127,15 +126,11 @@ struct Held {
     in_tool: Isometry3<f64>,
 }
 
-/// Bodies around a robot, and how the robot moves among them. Coordinates are those around the place where the base was, so little is
-/// lost in `f32`.
+/// Bodies around the place where the base was, and how the robot moves among them.
 struct Bench<'a> {
     machine: &'a Machine,
     before: &'a State,
-    local: Translation3<f64>,
-    bodies: RigidBodySet,
-    colliders: ColliderSet,
-    impulses: ImpulseJointSet,
+    physics: Physics,
     /// Links with a body.
     links: Vec<(LinkId, RigidBodyHandle)>,
     /// The tools: bodies without shapes that grips hang on.
@@ -178,10 +173,7 @@ impl<'a> Bench<'a> {
         let mut bench = Bench {
             machine,
             before,
-            local: Translation3::new(-at.x, -at.y, 0.0),
-            bodies: RigidBodySet::new(),
-            colliders: ColliderSet::new(),
-            impulses: ImpulseJointSet::new(),
+            physics: Physics::new(Translation3::new(-at.x, -at.y, 0.0), STEP_S),
             links: Vec::new(),
             tools: Vec::new(),
             door: None,
@@ -238,18 +230,15 @@ impl<'a> Bench<'a> {
     }
 
     fn stand(&mut self, loose: &[ObjectId], near: &[Bounds], outcome: &Outcome) {
-        let (state, local) = (self.before, self.local);
+        let state = self.before;
         let scene = &state.setting.scene;
         let moving = opens(outcome);
-        let colliders = &mut self.colliders;
-        let mut stand = |pose: &Isometry3<f64>, shapes: &[PosedShape], friction: f32| {
+        let (physics, meet_all) = (&mut self.physics, groups(THINGS, u32::MAX));
+        let mut stand = |pose: &Isometry3<f64>, shapes: &[PosedShape], friction: f64| {
             for shape in shapes {
                 let bounds = Bounds::of(&PosedShape { pose: pose * shape.pose, shape: shape.shape });
                 if near.iter().any(|it| it.over(&bounds)) {
-                    let posed = PosedShape { pose: local * pose * shape.pose, shape: shape.shape };
-                    let (at, solid) = Solid::new(&posed).part();
-                    let collider = ColliderBuilder::new(solid).position(at).friction(friction);
-                    colliders.insert(collider.collision_groups(groups(THINGS, u32::MAX)));
+                    physics.stand(pose, shape, friction, meet_all);
                 }
             }
         };
@@ -264,29 +253,16 @@ impl<'a> Bench<'a> {
         }
         for other in state.objects.keys().filter(|other| !loose.contains(other)) {
             let kind = scene.kind_of(*other);
-            stand(&state.object_pose(*other), &kind.shapes, kind.friction as f32);
+            stand(&state.object_pose(*other), &kind.shapes, kind.friction);
         }
         let floor = crate::scene::boxed(Vector3::new(200.0, 200.0, 1.0), Vector3::new(0.0, 0.0, -0.5), 0.0);
-        let (at, solid) = Solid::new(&floor).part();
-        let collider = ColliderBuilder::new(solid).position(at).friction(WOOD);
-        self.colliders.insert(collider.collision_groups(groups(THINGS, u32::MAX)));
+        let at = state.base.translation;
+        physics.stand(&Isometry3::translation(at.x, at.y, 0.0), &floor, WOOD, meet_all);
         if let Some(id) = moving {
             let pose = state.setting.container_pose(id, state.opening(id));
-            let body = self.kinematic(&pose, &scene.containers[id.0].shapes, THINGS);
+            let body = physics.lead(&pose, &scene.containers[id.0].shapes, meet_all);
             self.door = Some((id, body));
         }
-    }
-
-    fn kinematic(&mut self, pose: &Isometry3<f64>, shapes: &[PosedShape], member: u32) -> RigidBodyHandle {
-        let body = RigidBodyBuilder::kinematic_position_based().pose(parry_pose(&(self.local * pose)));
-        let handle = self.bodies.insert(body);
-        for shape in shapes {
-            let (at, solid) = Solid::new(shape).part();
-            let collider = ColliderBuilder::new(solid).position(at).friction(WOOD);
-            let collider = collider.collision_groups(groups(member, u32::MAX));
-            self.colliders.insert_with_parent(collider, handle, &mut self.bodies);
-        }
-        handle
     }
 
     /// Links that come near to something loose, and all tools.
@@ -300,21 +276,21 @@ impl<'a> Bench<'a> {
             }
             let of = |arm: &usize| fingers(self.machine, *arm).contains(&id);
             let hand = (0..self.machine.limbs.arms.len()).find(of);
-            let body = self.kinematic(&poses[id.index()], &link.shapes, hand.map_or(ROBOT, hand_bit));
+            let body = self.physics.lead(
+                &poses[id.index()],
+                &link.shapes,
+                groups(hand.map_or(ROBOT, hand_bit), u32::MAX),
+            );
             self.links.push((id, body));
         }
         for arm in &self.machine.limbs.arms {
-            let body = self.kinematic(&poses[arm.chain.tip().index()], &[], ROBOT);
+            let body = self.physics.lead(&poses[arm.chain.tip().index()], &[], groups(ROBOT, u32::MAX));
             self.tools.push(body);
         }
     }
 
     fn drop_in(&mut self, object: ObjectId, friction: f64, outcome: &Outcome) {
         let kind = self.before.setting.scene.kind_of(object);
-        let pose = self.local * self.before.object_pose(object);
-        let body = self.bodies.insert(RigidBodyBuilder::dynamic().pose(parry_pose(&pose)).can_sleep(false));
-        let volume: f64 = kind.shapes.iter().map(|it| it.shape.volume()).sum();
-        let density = (kind.mass_kg / volume.max(1e-9)) as f32;
         // Hands that hold it, or take or release it now, are inside of its outline; so are
         // fingers that a grasp has in a bowl.
         let taking = outcome.track.events.iter().flat_map(|(_, event)| match event {
@@ -324,15 +300,11 @@ impl<'a> Bench<'a> {
         let inside = (0..self.machine.limbs.arms.len()).filter(|arm| self.is_inside(*arm, object, outcome));
         let hands = taking.chain(self.before.holders(object)).chain(inside);
         let hands = hands.fold(0, |bits, arm| bits | hand_bit(arm));
-        for shape in &kind.shapes {
-            let (at, solid) = Solid::new(shape).part();
-            let collider =
-                ColliderBuilder::new(solid).position(at).density(density).friction(friction as f32);
+        let body = self.physics.drop_in(kind, &self.before.object_pose(object), friction, |collider| {
             // The smoother of two things decides.
             let collider = collider.friction_combine_rule(CoefficientCombineRule::Min);
-            let collider = collider.collision_groups(groups(THINGS, !hands));
-            self.colliders.insert_with_parent(collider, body, &mut self.bodies);
-        }
+            collider.collision_groups(groups(THINGS, !hands))
+        });
         self.bodies_of_objects.push(Loose { object, body, friction });
     }
 
@@ -364,17 +336,13 @@ impl<'a> Bench<'a> {
         self.bodies_of_objects.iter().find(|it| it.object == object)
     }
 
-    fn pose_of(&self, body: RigidBodyHandle) -> Isometry3<f64> {
-        self.local.inverse() * wide(self.bodies[body].position())
-    }
-
     /// A hand closes around an object where both are.
     fn hold(&mut self, arm: usize, object: ObjectId) {
         let (Some(loose), Some(tool)) = (self.loose_one(object), self.tools.get(arm).copied()) else {
             return;
         };
         let (body, friction) = (loose.body, loose.friction);
-        let in_tool = self.pose_of(tool).inverse() * self.pose_of(body);
+        let in_tool = self.physics.pose_of(tool).inverse() * self.physics.pose_of(body);
         let force = (2.0 * friction * MODEL.grip_n) as f32;
         let mut joint = GenericJointBuilder::new(JointAxesMask::empty())
             .local_frame1(parry_pose(&in_tool))
@@ -387,7 +355,7 @@ impl<'a> Bench<'a> {
             let moment = force * LEVER_M as f32;
             joint = joint.motor_position(axis, 0.0, STIFFNESS, DAMPING).motor_max_force(axis, moment);
         }
-        let joint = self.impulses.insert(tool, body, joint.build(), true);
+        let joint = self.physics.world.impulse_joints.insert(tool, body, joint.build(), true);
         self.held.push(Held { arm, object, joint, in_tool });
     }
 
@@ -396,18 +364,12 @@ impl<'a> Bench<'a> {
             self.held.drain(..).partition(|held| held.object != object || but.contains(&held.arm));
         self.held = keep;
         for held in gone {
-            self.impulses.remove(held.joint, true);
+            self.physics.world.impulse_joints.remove(held.joint, true);
         }
     }
 
     /// Through the time of the motion, and until all rests.
     fn run(&mut self, outcome: &Outcome, lasted_s: f64) {
-        let parameters = parameters(STEP_S);
-        let mut pipeline = PhysicsPipeline::new();
-        let (mut islands, mut broad, mut narrow) =
-            (IslandManager::new(), DefaultBroadPhase::new(), NarrowPhase::new());
-        let mut multibodies = MultibodyJointSet::new();
-        let (mut ccd, mut soft) = (CCDSolver::new(), SoftBodySet::new());
         let lasted_s = lasted_s.min(outcome.duration_s);
         let steps = (libm::ceil(lasted_s / f64::from(STEP_S)) as usize).min(MAX_STEPS);
         let mut events = outcome.track.events.iter().filter(|(at, _)| *at <= lasted_s + 1e-9).peekable();
@@ -430,27 +392,10 @@ impl<'a> Bench<'a> {
                 }
             }
             self.follow(outcome, time_s);
-            pipeline.step(
-                Vector::new(0.0, 0.0, -9.81),
-                &parameters,
-                &mut islands,
-                &mut broad,
-                &mut narrow,
-                &mut self.bodies,
-                &mut self.colliders,
-                &mut self.impulses,
-                &mut multibodies,
-                &mut soft,
-                &mut ccd,
-                &(),
-                &(),
-            );
+            self.physics.world.step();
             self.slip();
             if step > steps + LEAST_REST {
-                let still = |it: &Loose| {
-                    let body = &self.bodies[it.body];
-                    body.linvel().length() < REST && body.angvel().length() < REST
-                };
+                let still = |it: &Loose| self.physics.rests(it.body, REST);
                 resting = if self.bodies_of_objects.iter().all(still) { resting + 1 } else { 0 };
                 if resting >= REST_STEPS {
                     return;
@@ -478,15 +423,13 @@ impl<'a> Bench<'a> {
         }
         let links = target.links();
         for (id, body) in &self.links {
-            self.bodies[*body].set_next_kinematic_position(parry_pose(&(self.local * links[id.index()])));
+            self.physics.go(*body, &links[id.index()]);
         }
         for (arm, body) in self.machine.limbs.arms.iter().zip(&self.tools) {
-            let pose = links[arm.chain.tip().index()];
-            self.bodies[*body].set_next_kinematic_position(parry_pose(&(self.local * pose)));
+            self.physics.go(*body, &links[arm.chain.tip().index()]);
         }
         if let Some((id, body)) = self.door {
-            let pose = target.setting.container_pose(id, target.opening(id));
-            self.bodies[body].set_next_kinematic_position(parry_pose(&(self.local * pose)));
+            self.physics.go(body, &target.setting.container_pose(id, target.opening(id)));
         }
     }
 
@@ -495,7 +438,7 @@ impl<'a> Bench<'a> {
         let mut gone = Vec::new();
         for held in &self.held {
             let Some(loose) = self.loose_one(held.object) else { continue };
-            let now = self.pose_of(self.tools[held.arm]).inverse() * self.pose_of(loose.body);
+            let now = self.physics.pose_of(self.tools[held.arm]).inverse() * self.physics.pose_of(loose.body);
             let off_m = (now.translation.vector - held.in_tool.translation.vector).norm();
             if off_m > MODEL.grasp_m || now.rotation.angle_to(&held.in_tool.rotation) > MODEL.hold_rad {
                 gone.push((held.arm, held.object));
@@ -522,7 +465,7 @@ impl<'a> Bench<'a> {
         let mut state = after.clone();
         state.set_joints(&simulated.joints);
         let mut all: Vec<(ObjectId, Isometry3<f64>)> =
-            self.bodies_of_objects.iter().map(|it| (it.object, self.pose_of(it.body))).collect();
+            self.bodies_of_objects.iter().map(|it| (it.object, self.physics.pose_of(it.body))).collect();
         // What carries comes before what stands on it.
         all.sort_by(|a, b| a.1.translation.z.total_cmp(&b.1.translation.z).then(a.0.cmp(&b.0)));
         let (held, free): (Vec<_>, Vec<_>) =
@@ -564,13 +507,6 @@ impl<'a> Bench<'a> {
             judge(self.before, *object, &self.before.object_pose(*object), &state.object_pose(*object), on)
         })
     }
-}
-
-fn wide(pose: &Pose) -> Isometry3<f64> {
-    let (t, r) = (pose.translation, pose.rotation);
-    let turn = nalgebra::Quaternion::new(f64::from(r.w), f64::from(r.x), f64::from(r.y), f64::from(r.z));
-    let at = Translation3::new(f64::from(t.x), f64::from(t.y), f64::from(t.z));
-    Isometry3::from_parts(at, UnitQuaternion::from_quaternion(turn))
 }
 
 fn pose_is_sound(pose: &Isometry3<f64>) -> bool {

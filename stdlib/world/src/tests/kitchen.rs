@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use expect_test::{Expect, expect};
 use nalgebra::{Isometry3, Vector3};
 
 use super::text;
@@ -14,7 +15,7 @@ use crate::scene::grasp::{back, lifted};
 use crate::scene::{Hands, ObjectId, Scene, Side};
 use crate::setting::Setting;
 use crate::state::{Around, Grip, State, Support};
-use crate::world::{Ended, Motion, World};
+use crate::world::{Ended, Mode, Motion, World};
 
 /// A world with a clock.
 pub(super) struct Errand {
@@ -36,6 +37,29 @@ impl Errand {
 
     pub fn kitchen(robot: &str) -> Errand {
         Errand::new(robot, &text::kitchen())
+    }
+
+    /// At the sink of the kitchen, with the torso up.
+    pub fn at_the_sink(mode: Mode) -> Errand {
+        let mut errand = Errand::kitchen("pr2");
+        errand.world.mode = mode;
+        errand.go_to_the_sink();
+        errand
+    }
+
+    #[track_caller]
+    fn go_to_the_sink(&mut self) {
+        self.go(&Motion::MovingTorso(0.2));
+        self.drive(1.1, 3.35, WEST).expect("it gets to the sink");
+    }
+
+    /// The same scene, but for what is changed in it; everything stays where it is.
+    pub fn change_scene(&mut self, change: impl FnOnce(&mut Scene)) {
+        let setting = &self.world.state.setting;
+        let mut scene = setting.scene.clone();
+        change(&mut scene);
+        self.world.state.setting = Arc::new(Setting::new(scene, setting.machine.clone()));
+        self.world.changed();
     }
 
     pub fn object(&self, name: &str) -> ObjectId {
@@ -355,18 +379,12 @@ fn what_stands_on_a_tray_moves_with_it() {
 
 #[test]
 fn a_full_drawer_takes_no_more() {
-    let mut errand = Errand::kitchen("pr2");
-    errand.go(&Motion::MovingTorso(0.2));
-    errand.drive(1.1, 3.35, WEST).expect("it gets to the sink");
+    let mut errand = Errand::at_the_sink(Mode::Projected);
     errand.pick("cup-1", Side::Front, &[0]).expect("the cup is taken");
     // The sink now takes no more than what stands there.
-    let mut scene = errand.world.state.setting.scene.clone();
-    let sink = scene.surface("sink_area").expect("there is one");
+    let sink = errand.world.state.setting.scene.surface("sink_area").expect("there is one");
     let there = errand.world.state.count_on(Support::Surface(sink));
-    scene.surfaces[sink.0].capacity = Some(there);
-    let setting = Setting::new(scene, errand.world.state.setting.machine.clone());
-    errand.world.state.setting = Arc::new(setting);
-    errand.world.changed();
+    errand.change_scene(|scene| scene.surfaces[sink.0].capacity = Some(there));
     let goal = errand.on("sink_area", 0.1, -0.15, 0.0, "cup-1");
     let why = errand.place(0, goal).expect_err("it is full");
     assert!(why.starts_with("no-room: `sink_area` is full: 2 objects"), "{why}");
@@ -376,15 +394,11 @@ fn a_full_drawer_takes_no_more() {
 
 #[test]
 fn heavy_and_smooth_things_slip() {
-    let mut errand = Errand::kitchen("pr2");
-    errand.go(&Motion::MovingTorso(0.2));
-    errand.drive(1.1, 3.35, WEST).expect("it gets to the sink");
-    let mut scene = errand.world.state.setting.scene.clone();
-    let cup = scene.kind("cup").expect("there is one");
-    (scene.kinds[cup.0].mass_kg, scene.kinds[cup.0].friction) = (3.0, 0.2);
-    let setting = Setting::new(scene, errand.world.state.setting.machine.clone());
-    errand.world.state.setting = Arc::new(setting);
-    errand.world.changed();
+    let mut errand = Errand::at_the_sink(Mode::Projected);
+    errand.change_scene(|scene| {
+        let cup = scene.kind("cup").expect("there is one");
+        (scene.kinds[cup.0].mass_kg, scene.kinds[cup.0].friction) = (3.0, 0.2);
+    });
     let why = errand.pick("cup-1", Side::Front, &[0]).expect_err("it is too heavy");
     assert!(why.starts_with("object-slipped"), "{why}");
     let sink = errand.world.state.setting.scene.surface("sink_area").expect("there is one");
@@ -393,9 +407,7 @@ fn heavy_and_smooth_things_slip() {
 
 #[test]
 fn what_is_let_go_in_the_air_falls() {
-    let mut errand = Errand::kitchen("pr2");
-    errand.go(&Motion::MovingTorso(0.2));
-    errand.drive(1.1, 3.35, WEST).expect("it gets to the sink");
+    let mut errand = Errand::at_the_sink(Mode::Projected);
     errand.pick("cup-1", Side::Front, &[0]).expect("the cup is taken");
     errand.drive(1.6, 3.35, WEST).expect("it backs off");
     let why = errand.try_motion(&Motion::Releasing(vec![0])).expect_err("it falls");
@@ -413,8 +425,7 @@ fn forks_do_not_influence_one_another() {
     let mut fork = errand.world.fork();
     let fork = fork.as_any().downcast_mut::<World>().expect("it is one");
     let mut other = Errand { world: std::mem::take(fork), now_ns: 0, seed: 5 };
-    other.go(&Motion::MovingTorso(0.2));
-    other.drive(1.1, 3.35, WEST).expect("it gets to the sink");
+    other.go_to_the_sink();
     other.pick("cup-1", Side::Front, &[0]).expect("the cup is taken");
     assert_eq!(errand.world.state.objects, before.objects);
     assert_eq!(errand.world.state.joints, before.joints);
@@ -425,7 +436,7 @@ fn forks_do_not_influence_one_another() {
 }
 
 /// All bits of a state, in one number.
-pub(super) fn bits(errand: &Errand) -> u64 {
+fn bits(errand: &Errand) -> u64 {
     let state = &errand.world.state;
     let mut hash = 0u64;
     let mut add = |number: f64| hash = vm::random::mix(hash ^ number.to_bits());
@@ -439,23 +450,27 @@ pub(super) fn bits(errand: &Errand) -> u64 {
     hash
 }
 
+/// The bits at the end of an errand: `golden` for seed 1, in all processes and on all machines, others for another seed.
+#[track_caller]
+pub(super) fn check_bits(golden: Expect, errand: impl Fn(u64) -> Errand) {
+    let end = |seed| bits(&errand(seed));
+    assert_eq!(end(1), end(1));
+    assert_ne!(end(1), end(2));
+    golden.assert_eq(&format!("{:x}", end(1)));
+}
+
 #[test]
 fn the_same_seed_gives_the_same_bits() {
-    let errand = |seed| {
+    check_bits(expect!["f3a69611c6635ab2"], |seed| {
         let mut errand = Errand::kitchen("pr2");
         errand.seed = seed;
-        errand.go(&Motion::MovingTorso(0.2));
-        errand.drive(1.1, 3.35, WEST).expect("it gets to the sink");
+        errand.go_to_the_sink();
         errand.pick("cup-1", Side::Front, &[0]).expect("the cup is taken");
         errand.park().expect("the arms park");
         let goal = errand.on("sink_area", 0.12, -0.3, 0.0, "cup-1");
         errand.place(0, goal).unwrap_or_else(|why| panic!("{why}"));
-        bits(&errand)
-    };
-    assert_eq!(errand(1), errand(1));
-    assert_ne!(errand(1), errand(2));
-    // In all processes, on all machines.
-    expect_test::expect!["f3a69611c6635ab2"].assert_eq(&format!("{:x}", errand(1)));
+        errand
+    });
 }
 
 #[test]

@@ -1,15 +1,12 @@
 //! The simulated robot: the same errands, with mass and friction.
 
-use std::sync::Arc;
-
 use nalgebra::Vector3;
 use vm::world::World as _;
 
-use super::kitchen::{Errand, bits, from_somewhere, open};
+use super::kitchen::{Errand, check_bits, from_somewhere, open};
 use crate::motions::tool::ToolWay;
 use crate::scene::grasp::{back, lifted};
 use crate::scene::{Side, upright};
-use crate::setting::Setting;
 use crate::state::{Around, Support};
 use crate::world::{Mode, Motion, World};
 
@@ -21,16 +18,8 @@ fn simulated() -> Errand {
     errand
 }
 
-/// At the sink, with the torso up.
-fn at_the_sink() -> Errand {
-    let mut errand = simulated();
-    errand.go(&Motion::MovingTorso(0.2));
-    errand.drive(1.1, 3.35, WEST).expect("it gets to the sink");
-    errand
-}
-
 fn with_the_cup() -> Errand {
-    let mut errand = at_the_sink();
+    let mut errand = Errand::at_the_sink(Mode::Simulated);
     errand.pick("cup-1", Side::Front, &[0]).expect("the cup is taken");
     errand
 }
@@ -126,17 +115,13 @@ fn four_objects_are_carried() {
 
 #[test]
 fn the_same_seed_gives_the_same_bits() {
-    let errand = |seed| {
-        let mut errand = at_the_sink();
+    check_bits(expect_test::expect!["4e768c2aae6e6d20"], |seed| {
+        let mut errand = Errand::at_the_sink(Mode::Simulated);
         errand.seed = seed;
         errand.pick("cup-1", Side::Front, &[0]).expect("the cup is taken");
         errand.park().expect("the arms park");
-        bits(&errand)
-    };
-    assert_eq!(errand(1), errand(1));
-    assert_ne!(errand(1), errand(2));
-    // In all processes, on all machines.
-    expect_test::expect!["4e768c2aae6e6d20"].assert_eq(&format!("{:x}", errand(1)));
+        errand
+    });
 }
 
 // ---------------------------------------------------------------------------------------------
@@ -156,11 +141,10 @@ fn what_is_let_go_falls() {
 #[test]
 fn what_is_too_heavy_slips_out_of_the_hand() {
     let mut errand = with_the_cup();
-    let mut scene = errand.world.state.setting.scene.clone();
-    let cup = scene.kind("cup").expect("there is one");
-    scene.kinds[cup.0].mass_kg = 9.0;
-    errand.world.state.setting = Arc::new(Setting::new(scene, errand.world.state.setting.machine.clone()));
-    errand.world.changed();
+    errand.change_scene(|scene| {
+        let cup = scene.kind("cup").expect("there is one");
+        scene.kinds[cup.0].mass_kg = 9.0;
+    });
     let up = ToolWay { arm: 0, vias: vec![lifted(&errand.world.state.tool(0), 0.08)] };
     let why = errand.try_motion(&Motion::MovingTcp(vec![up], Around::default())).expect_err("it is heavy");
     assert!(why.starts_with("object-slipped: `cup-1` slipped out of the hand `left`"), "{why}");
@@ -171,7 +155,7 @@ fn what_is_too_heavy_slips_out_of_the_hand() {
 
 #[test]
 fn an_arm_pushes_what_is_in_its_way() {
-    let mut errand = at_the_sink();
+    let mut errand = Errand::at_the_sink(Mode::Simulated);
     let cup = errand.object("cup-1");
     let start = errand.world.state.object_pose(cup);
     // The shut hand in front of the cup, and through the place where it stands.
@@ -204,16 +188,13 @@ fn what_stands_on_a_tray_stays_on_it_or_slides() {
     for (friction, slides) in [(0.6, false), (0.02, true)] {
         let mut errand = simulated();
         errand.world.mode = Mode::Projected;
-        let mut scene = errand.world.state.setting.scene.clone();
-        for kind in ["tray", "cup"] {
-            let kind = scene.kind(kind).expect("there is one");
+        errand.change_scene(|scene| {
             // The tray is held by its bars, whatever it is made of.
-            scene.kinds[kind.0].friction =
-                if kind == scene.kind("cup").expect("there is one") { friction } else { 0.6 };
-        }
-        errand.world.state.setting =
-            Arc::new(Setting::new(scene, errand.world.state.setting.machine.clone()));
-        errand.world.changed();
+            for (kind, friction) in [("tray", 0.6), ("cup", friction)] {
+                let kind = scene.kind(kind).expect("there is one");
+                scene.kinds[kind.0].friction = friction;
+            }
+        });
         errand.go(&Motion::MovingTorso(0.3));
         let (tray, cup) = (errand.object("tray-1"), errand.object("cup-1"));
         let island = errand.world.state.setting.scene.surface("island_area").expect("there is one");

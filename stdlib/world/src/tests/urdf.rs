@@ -132,24 +132,14 @@ fn odd_files_are_read_with_warnings() {
 
 #[test]
 fn files_that_are_no_robot() {
-    check_error(
-        "",
-        expect![[r#"
-        test.urdf: is no URDF: No elements found
-        help: a file that `check_urdf` accepts is read; xacro files are expanded first: `xacro robot.xacro > robot.urdf`"#]],
-    );
-    check_error(
-        "<robot",
-        expect![[r#"
-        test.urdf: is no URDF: No elements found
-        help: a file that `check_urdf` accepts is read; xacro files are expanded first: `xacro robot.xacro > robot.urdf`"#]],
-    );
-    check_error(
-        "(a robot)",
-        expect![[r#"
-        test.urdf: is no URDF: No elements found
-        help: a file that `check_urdf` accepts is read; xacro files are expanded first: `xacro robot.xacro > robot.urdf`"#]],
-    );
+    for text in ["", "<robot", "(a robot)"] {
+        check_error(
+            text,
+            expect![[r#"
+                test.urdf: is no URDF: No elements found
+                help: a file that `check_urdf` accepts is read; xacro files are expanded first: `xacro robot.xacro > robot.urdf`"#]],
+        );
+    }
     check_error(
         "<robot name=\"a\"><link/></robot>",
         expect![[r#"

@@ -1,0 +1,102 @@
+//! Rows as one JSON object, and back: a tree is taken to another place without a store.
+
+use serde_json::{Value as Json, json};
+
+use super::{SavedEdit, SavedRecord, SavedSlot, SavedTree};
+
+impl SavedTree {
+    /// All rows as one JSON object, to be taken elsewhere.
+    #[must_use]
+    pub fn rows(&self) -> Json {
+        let slots = self
+            .slots
+            .iter()
+            .map(|it| json!([it.slot, it.parent, it.name, format!("{:016x}", it.site), it.steps, it.place]));
+        let records = self.records.iter().map(|it| {
+            json!([
+                it.record,
+                it.slot,
+                it.parent,
+                it.attempt,
+                it.kind,
+                it.status,
+                it.why,
+                it.start_ns,
+                it.end_ns,
+                it.params,
+                it.value,
+                it.failure,
+                it.more
+            ])
+        });
+        let edits = self.edits.iter().map(|it| json!([it.number, it.slot, it.edit, it.callee, it.after]));
+        json!({
+            "slots": slots.collect::<Json>(),
+            "records": records.collect::<Json>(),
+            "edits": edits.collect::<Json>(),
+        })
+    }
+
+    /// The way back of [`SavedTree::rows`].
+    ///
+    /// # Errors
+    /// A sentence that says which row is none.
+    pub fn from_rows(json: &Json) -> Result<SavedTree, String> {
+        fn rows<T>(json: &Json, key: &str, row: impl Fn(&Json) -> Option<T>) -> Result<Vec<T>, String> {
+            let rows = json[key].as_array().ok_or_else(|| format!("there is no list of {key}"))?;
+            let row = |(at, json)| row(json).ok_or_else(|| format!("{key}[{at}] is no row of them"));
+            rows.iter().enumerate().map(row).collect()
+        }
+        let number = |json: &Json, at: usize| u32::try_from(json.get(at)?.as_u64()?).ok();
+        let text = |json: &Json, at: usize| json.get(at)?.as_str().map(str::to_string);
+        // Nothing for what is no text, and nothing inside for what is not there.
+        let maybe = |json: &Json, at: usize| match json.get(at)? {
+            Json::Null => Some(None),
+            Json::String(text) => Some(Some(text.clone())),
+            _ => None,
+        };
+        let slot = |it: &Json| {
+            Some(SavedSlot {
+                slot: number(it, 0)?,
+                parent: number(it, 1)?,
+                name: text(it, 2)?,
+                site: u64::from_str_radix(&text(it, 3)?, 16).ok()?,
+                steps: text(it, 4)?,
+                place: number(it, 5)?,
+            })
+        };
+        let record = |it: &Json| {
+            Some(SavedRecord {
+                record: number(it, 0)?,
+                slot: number(it, 1)?,
+                parent: number(it, 2)?,
+                attempt: number(it, 3)?,
+                kind: text(it, 4)?.into(),
+                status: text(it, 5)?.into(),
+                why: text(it, 6)?.into(),
+                start_ns: it.get(7)?.as_u64()?,
+                end_ns: it.get(8)?.as_u64(),
+                params: text(it, 9)?,
+                value: maybe(it, 10)?,
+                failure: maybe(it, 11)?,
+                more: maybe(it, 12)?,
+            })
+        };
+        let edit = |it: &Json| {
+            Some(SavedEdit {
+                number: number(it, 0)?,
+                slot: number(it, 1)?,
+                edit: text(it, 2)?,
+                callee: text(it, 3)?,
+                after: text(it, 4)?,
+            })
+        };
+        let tree = SavedTree {
+            slots: rows(json, "slots", slot)?,
+            records: rows(json, "records", record)?,
+            edits: rows(json, "edits", edit)?,
+        };
+        tree.places()?;
+        Ok(tree)
+    }
+}
