@@ -182,6 +182,7 @@ impl<'a> Node<'a> {
         let failed = self.get("failure").is_some();
         let attempts = self.each("attempts", |it| it.attempt())?;
         Ok(Task {
+            by: None,
             // Who reads the list knows it.
             parent: 0,
             name: Symbol::from(self.text("name")?),

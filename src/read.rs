@@ -134,6 +134,7 @@ impl Reader {
             rec: RecId(0),
             draws: &mut draws,
             seed: 0,
+            projected: false,
             now: 0,
             printed: &mut printed,
             fresh: &mut fresh,

@@ -91,7 +91,7 @@ fn edit(value: BoxedStrategy<Value>) -> impl Strategy<Value = Value> {
     let guard = prop::collection::btree_map(name(), value, 0..3);
     (path(), what, guard).prop_map(|(at, what, guard): (Path, What, BTreeMap<String, Value>)| {
         let guard = guard.into_iter().map(|(key, value)| (Symbol::from(&key), value)).collect();
-        Value::new(Obj::Edit(Box::new(Edit { at, what, guard })))
+        Value::new(Obj::Edit(Box::new(Edit { at, what, guard, by: None })))
     })
 }
 

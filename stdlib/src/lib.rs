@@ -26,6 +26,7 @@ mod number;
 mod random;
 mod rule;
 mod sequence;
+mod statistics;
 mod string;
 mod symbol;
 mod table;
@@ -59,6 +60,7 @@ pub fn natives() -> Vec<Native> {
         task::natives(),
         tree::natives(),
         rule::natives(),
+        statistics::natives(),
     ];
     topics.into_iter().flatten().collect()
 }
@@ -82,7 +84,7 @@ modules! {
 modules! {
     /// Name and text of each module of plans for robots in a world: `(use pick-place)`.
     PLANS:
-    "location" "action" "pick-place"
+    "location" "action" "pick-place" "statistics" "transformation"
 }
 
 #[cfg(test)]

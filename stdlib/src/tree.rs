@@ -14,7 +14,14 @@ use crate::table::natives;
 
 natives! {
     "run-plan" [1 ..] in ctx => run_plan;
+    "project" [1 ..] in ctx => project;
     "edit-tree" [2] in ctx => edit_tree;
+    "without-edits" [1] => |args: &[Value]| Ok(Value::new(Obj::Tree(Rc::new(tree(&args[0])?.without_edits()))));
+    "tree-world?" [1] => |args: &[Value]| Ok(Value::bool(tree(&args[0])?.world.is_some()));
+    "edit-path" [1] => |args: &[Value]| Ok(Value::new(Obj::Path(Box::new(an_edit(&args[0])?.at.clone()))));
+    "edit-kind" [1] => |args: &[Value]| Ok(Value::symbol(an_edit(&args[0])?.word()));
+    "edit-by" [1] => |args: &[Value]| Ok(an_edit(&args[0])?.by.map_or(Value::NIL, |by| Value::Imm(Imm::Symbol(by))));
+    "edit-made-by" [2] => made_by;
     "tree?" [1] => |args: &[Value]| Ok(Value::bool(args[0].as_tree().is_some()));
     "path?" [1] => |args: &[Value]| Ok(Value::bool(args[0].as_path().is_some()));
     "make-path" [1] => make_path;
@@ -80,10 +87,22 @@ fn find<'a>(pairs: &[(Symbol, &'a Value)], key: &str) -> Option<&'a Value> {
 // Running
 
 fn run_plan(_: &mut Ctx<'_>, args: &[Value]) -> Result<Next, Raise> {
-    let pairs = keywords(&args[1..], &["args", "tree"])?;
+    run(args, false)
+}
+
+fn project(_: &mut Ctx<'_>, args: &[Value]) -> Result<Next, Raise> {
+    run(args, true)
+}
+
+fn run(args: &[Value], projected: bool) -> Result<Next, Raise> {
+    let pairs = keywords(&args[1..], &["args", "tree", "seed"])?;
     let given = find(&pairs, "args").map_or(Ok(Vec::new()), vm::native::list)?;
     let tree = find(&pairs, "tree").filter(|tree| !tree.is_nil()).cloned();
-    Ok(Next::RunPlan { plan: args[0].clone(), args: given, tree })
+    let seed = match find(&pairs, "seed").filter(|seed| !seed.is_nil()) {
+        None => None,
+        Some(seed) => Some(seed.as_int().ok_or_else(|| type_error("an integer", seed))? as u64),
+    };
+    Ok(Next::RunPlan { plan: args[0].clone(), args: given, tree, seed, projected })
 }
 
 fn edit_tree(_: &mut Ctx<'_>, args: &[Value]) -> Result<Next, Raise> {
@@ -276,9 +295,9 @@ fn path_list(args: &[Value]) -> Result<Value, Raise> {
 // ---------------------------------------------------------------------------------------------
 // Edits
 
-/// An edit at a path, with the guard that the call must pass.
-fn edit(at: &Value, what: What, guard: Option<&Value>) -> Result<Value, Raise> {
-    let guard = match guard {
+/// An edit at a path, with the guard that the call must pass, and who made it.
+fn edit(at: &Value, what: What, pairs: &[(Symbol, &Value)]) -> Result<Value, Raise> {
+    let guard = match find(pairs, "guard") {
         None => Vec::new(),
         Some(value) => {
             let map = value.as_map().ok_or_else(|| type_error("a map from keywords to values", value))?;
@@ -289,26 +308,43 @@ fn edit(at: &Value, what: What, guard: Option<&Value>) -> Result<Value, Raise> {
             map.iter().map(pair).collect::<Result<Vec<_>, Raise>>()?
         }
     };
-    Ok(Value::new(Obj::Edit(Box::new(Edit { at: path(at)?.clone(), what, guard }))))
+    let by = match find(pairs, "by") {
+        None => None,
+        Some(by) => Some(by.as_symbol().ok_or_else(|| type_error("a symbol", by))?),
+    };
+    Ok(Value::new(Obj::Edit(Box::new(Edit { at: path(at)?.clone(), what, guard, by }))))
+}
+
+fn an_edit(value: &Value) -> Result<&Edit, Raise> {
+    match value.obj() {
+        Some(Obj::Edit(edit)) => Ok(edit),
+        _ => Err(type_error("an edit", value)),
+    }
+}
+
+/// `(edit-made-by edit name)`: the edit as that transformation's.
+fn made_by(args: &[Value]) -> Result<Value, Raise> {
+    let by = args[1].as_symbol().ok_or_else(|| type_error("a symbol", &args[1]))?;
+    Ok(Value::new(Obj::Edit(Box::new(Edit { by: Some(by), ..an_edit(&args[0])?.clone() }))))
 }
 
 fn skip(args: &[Value]) -> Result<Value, Raise> {
-    let pairs = keywords(&args[1..], &["value", "guard"])?;
-    edit(&args[0], What::Skip(find(&pairs, "value").cloned()), find(&pairs, "guard"))
+    let pairs = keywords(&args[1..], &["value", "guard", "by"])?;
+    edit(&args[0], What::Skip(find(&pairs, "value").cloned()), &pairs)
 }
 
 fn with_code(args: &[Value], what: fn(Value) -> What) -> Result<Value, Raise> {
-    let pairs = keywords(&args[2..], &["guard"])?;
-    edit(&args[0], what(args[1].clone()), find(&pairs, "guard"))
+    let pairs = keywords(&args[2..], &["guard", "by"])?;
+    edit(&args[0], what(args[1].clone()), &pairs)
 }
 
 fn with_param(args: &[Value]) -> Result<Value, Raise> {
     let pairs = keywords(&args[1..], &[])?;
-    let mut changes = pairs.iter().filter(|(key, _)| *key != "guard");
+    let mut changes = pairs.iter().filter(|(key, _)| *key != "guard" && *key != "by");
     let (Some((key, value)), None) = (changes.next(), changes.next()) else {
         return Err(range_error("with-param changes one parameter", &args[0]));
     };
-    edit(&args[0], What::WithParam(*key, (*value).clone()), find(&pairs, "guard"))
+    edit(&args[0], What::WithParam(*key, (*value).clone()), &pairs)
 }
 
 /// A path, or a list of paths.
@@ -324,15 +360,15 @@ fn required<'a>(pairs: &[(Symbol, &'a Value)], key: &str, of: &Value) -> Result<
 }
 
 fn defer(args: &[Value]) -> Result<Value, Raise> {
-    let pairs = keywords(&args[1..], &["after", "guard"])?;
+    let pairs = keywords(&args[1..], &["after", "guard", "by"])?;
     let after = paths(required(&pairs, "after", &args[0])?)?;
-    edit(&args[0], What::Defer(after), find(&pairs, "guard"))
+    edit(&args[0], What::Defer(after), &pairs)
 }
 
 fn owe(args: &[Value]) -> Result<Value, Raise> {
-    let pairs = keywords(&args[2..], &["after", "as", "guard"])?;
+    let pairs = keywords(&args[2..], &["after", "as", "guard", "by"])?;
     let after = paths(required(&pairs, "after", &args[0])?)?;
     let name = required(&pairs, "as", &args[0])?;
     let name = name.as_symbol().ok_or_else(|| type_error("a symbol", name))?;
-    edit(&args[0], What::Owe { code: args[1].clone(), after, name }, find(&pairs, "guard"))
+    edit(&args[0], What::Owe { code: args[1].clone(), after, name }, &pairs)
 }

@@ -172,7 +172,10 @@ impl<'p> Oracle<'_, 'p> {
             Err(raise) => self.raise(here, raise),
             Ok(Next::Return(value)) => Ok(value),
             Ok(Next::Call { callee, args }) => self.call_value(here, expr, &callee, args, usage.no_tail()),
-            Ok(Next::RunPlan { plan, args, tree }) => self.run_plan(here, &plan, args, tree),
+            Ok(Next::RunPlan { plan, args, tree, seed: None, projected: false }) => {
+                self.run_plan(here, &plan, args, tree)
+            }
+            Ok(Next::RunPlan { .. }) => Err(Exit::GiveUp("the oracle does not rehearse".into())),
             Ok(Next::EditTree { tree, edits }) => self.edit_tree(here, &tree, &edits),
             Ok(Next::Sleep(ns)) => self.sleep(here, ns),
             Ok(Next::Task(op)) => self.task_op(here, op),

@@ -736,6 +736,7 @@ impl<'p> Oracle<'_, 'p> {
             rec: run.tree.records[here.rec].mirror,
             draws: &mut run.draws,
             seed: *seed,
+            projected: false,
             now: run.now,
             printed,
             fresh,

@@ -20,6 +20,8 @@ pub struct Edit {
     /// Parameters and the values that they must have in the call as made, or the edit does not
     /// apply to that call. The callee must always be the one that was edited.
     pub guard: Vec<(Symbol, Value)>,
+    /// The transformation that made it.
+    pub by: Option<Symbol>,
 }
 
 /// What an edit does at the call of its slot.

@@ -102,6 +102,10 @@ pub enum Next {
         args: Vec<Value>,
         /// The tree whose slots and edits it starts from.
         tree: Option<Value>,
+        /// The key of its random draws, if it is not that of the run that asks.
+        seed: Option<u64>,
+        /// It is a rehearsal: it prints nothing, changes nothing outside, and motions are projected.
+        projected: bool,
     },
     /// Compile the code of edits, then add them to a tree; the call has the new tree as its value.
     EditTree {

@@ -391,7 +391,13 @@ impl<'a> Printer<'a> {
             self.put(if at == 0 { " :guard {" } else { " " });
             self.entry(key, value, depth);
         }
-        self.put(if edit.guard.is_empty() { ")" } else { "})" });
+        if !edit.guard.is_empty() {
+            self.put("}");
+        }
+        if let Some(by) = edit.by {
+            self.option("by", &Value::Imm(Imm::Symbol(by)), depth);
+        }
+        self.put(")");
         self.readable = readable;
     }
 

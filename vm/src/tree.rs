@@ -24,6 +24,7 @@ use crate::edit::Accepted;
 use crate::key::{Key, Keys};
 use crate::random::mix;
 use crate::value::{Symbol, Value};
+use crate::world::World;
 
 /// A place in a plan. Zero is no slot.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default)]
@@ -352,6 +353,8 @@ pub struct Tree {
     applied: u32,
     /// Slots from here on were made in this run.
     fresh_from: u32,
+    /// The world as it was when the run had ended that grew it, if it had one and is over.
+    pub world: Option<Rc<dyn World>>,
 }
 
 impl Default for Tree {
@@ -369,6 +372,7 @@ impl Default for Tree {
             run: 0,
             applied: 0,
             fresh_from: 0,
+            world: None,
         };
         tree.forget();
         tree.begin();
@@ -433,7 +437,17 @@ impl Tree {
             run: self.run,
             applied: self.edits.len() as u32,
             fresh_from: self.fresh_from,
+            world: None,
         }
+    }
+
+    /// The same without any edit.
+    #[must_use]
+    pub fn without_edits(&self) -> Tree {
+        let mut tree = Tree { edits: Rc::default(), edits_at: Rc::default(), applied: 0, ..self.clone() };
+        tree.slots.leaves.iter_mut().flatten().for_each(|slot| slot.edits = 0);
+        tree.changes += 1;
+        tree
     }
 
     // ------------------------------------------------------------------ growing

@@ -11,6 +11,9 @@ pub trait World: Any {
     /// A world that begins as this one is now, and shares nothing that changes.
     fn fork(&self) -> Box<dyn World>;
 
+    /// Motions are projected from now on.
+    fn project(&mut self);
+
     /// Another number after each change.
     fn version(&self) -> u64;
 

@@ -40,6 +40,7 @@ natives! {
     "%motion-result" [1] in ctx Motion => result;
     "%keep-world" [0] in ctx World => keep;
     "%go-back" [1] in ctx World => go_back;
+    "%world-of" [1] in ctx World => world_of;
     "%robot-mode" [1] in ctx World => robot_mode;
     "record-world" [0] in ctx World => |ctx: &mut Ctx<'_>, _args| { world(ctx)?.record_from_now(); Ok(Value::NIL.into()) };
     "%world-at" [1] in ctx World => world_at;
@@ -456,6 +457,20 @@ fn world_at(ctx: &mut Ctx<'_>, args: &[Value]) -> Result<Next, Raise> {
     }
 }
 
+/// `(%world-of tree)`: the world is as that of the tree's run was at its end.
+fn world_of(ctx: &mut Ctx<'_>, args: &[Value]) -> Result<Next, Raise> {
+    let tree = args[0].as_tree().ok_or_else(|| type_error("a tree", &args[0]))?;
+    let Some(mut ended) = tree.world.as_ref().map(|world| world.fork()) else {
+        let why = "the tree has no world: it ran without one, or it comes from a store";
+        return Err(raise(ctx, &Trouble::new("world-failure", why)));
+    };
+    match ended.as_any().downcast_ref::<World>() {
+        Some(ended) => world(ctx)?.become_like(ended),
+        None => return Err(range_error("this world is of another kind", &args[0])),
+    }
+    changed()
+}
+
 fn go_back(ctx: &mut Ctx<'_>, args: &[Value]) -> Result<Next, Raise> {
     let kept = index(&args[0])?;
     world(ctx)?.go_back(kept);
@@ -466,8 +481,8 @@ fn go_back(ctx: &mut Ctx<'_>, args: &[Value]) -> Result<Next, Raise> {
 fn robot_mode(ctx: &mut Ctx<'_>, args: &[Value]) -> Result<Next, Raise> {
     let known = Mode::ALL.iter().map(|(name, _)| *name);
     let mode = find("a robot", &args[0], known)?;
-    let it = world(ctx)?;
-    let last = std::mem::replace(&mut it.mode, Mode::ALL[mode].1);
+    let mode = if ctx.is_projected() { Mode::Projected } else { Mode::ALL[mode].1 };
+    let last = std::mem::replace(&mut world(ctx)?.mode, mode);
     Ok(symbol(last.name()).into())
 }
 

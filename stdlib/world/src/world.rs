@@ -162,6 +162,10 @@ impl vm::world::World for World {
         Box::new(fork)
     }
 
+    fn project(&mut self) {
+        self.mode = Mode::Projected;
+    }
+
     fn version(&self) -> u64 {
         self.state.version
     }
@@ -314,6 +318,12 @@ impl World {
             recording.begin(self.now_ns, &self.state);
             self.recording = Some(recording);
         }
+    }
+
+    /// Becomes as another world is: what is in it, and what the robot believes.
+    pub fn become_like(&mut self, other: &World) {
+        (self.state, self.belief, self.costs) = (other.state.clone(), other.belief.clone(), other.costs);
+        self.renumber();
     }
 
     /// Becomes as it was at a time of the task clock.

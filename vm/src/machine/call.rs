@@ -6,7 +6,7 @@ use crate::desc::Desc;
 use crate::failure::{Builtin, Failure, TypeId};
 use crate::host::Host;
 use crate::key::{Chain, Key, Ranks, Step};
-use crate::native::{Next, Raise, map_key, type_error};
+use crate::native::{Effect, Next, Raise, map_key, type_error};
 use crate::op::{Count, Op};
 use crate::tree::{NodeKind, RecId, SlotId, Status};
 use crate::value::{Imm, Obj, Symbol, Value, live};
@@ -415,8 +415,14 @@ impl Machine {
             let fields = vec![("message", Value::str(message)), ("effect", Value::symbol(effect))];
             return Err(Box::new(Failure::with(Builtin::NotAllowed, fields)));
         }
-        let run = &mut self.runs[0..];
-        let Some(run) = run.last_mut() else { return Ok(Next::Return(Value::NIL)) };
+        let Some(run) = self.runs.last_mut() else { return Ok(Next::Return(Value::NIL)) };
+        if run.projected && matches!(native.effect, Effect::Write | Effect::Network | Effect::Process) {
+            let message =
+                format!("`{}` changes what is outside, which a projected run does not", native.name);
+            let fields =
+                vec![("message", Value::str(message)), ("effect", Value::symbol(native.effect.name()))];
+            return Err(Box::new(Failure::with(Builtin::NotAllowed, fields)));
+        }
         let rec = run.record(run.here);
         // What rules call sees the world of their query.
         let world = match run.drivers.last_mut() {
@@ -428,7 +434,8 @@ impl Machine {
             tree: &run.tree,
             rec,
             draws: &mut run.draws,
-            seed: self.seed,
+            seed: run.seed,
+            projected: run.projected,
             now: run.now,
             printed: &mut self.printed,
             fresh: &mut self.fresh,
@@ -477,7 +484,10 @@ impl Machine {
                 self.pop_scope();
                 self.put(d, Value::NIL)
             }
-            Next::RunPlan { plan, args, tree } => self.run_plan(host, d, &plan, args, tree),
+            Next::RunPlan { plan, args, tree, seed, projected } => {
+                let order = super::drive::Order { plan, args, tree, seed, projected };
+                self.run_plan(host, d, order)
+            }
             Next::EditTree { tree, edits } => {
                 let tree = self.edit_tree(host, &tree, &edits)?;
                 self.put(d, tree)

@@ -32,6 +32,15 @@ use super::obligation::Discharge;
 use super::solve::Solve;
 use super::{Exit, Frame, Here, Machine, RESUME, Run};
 
+/// What `run-plan` is asked to run.
+pub(super) struct Order {
+    pub plan: Value,
+    pub args: Vec<Value>,
+    pub tree: Option<Value>,
+    pub seed: Option<u64>,
+    pub projected: bool,
+}
+
 /// A call that takes several steps.
 #[derive(Clone)]
 pub(super) struct Call {
@@ -200,21 +209,15 @@ impl Machine {
     }
 
     /// `(run-plan plan :args args :tree tree)`: a run of its own on top of this one.
-    pub(super) fn run_plan(
-        &mut self,
-        host: &mut dyn Host,
-        d: u8,
-        plan: &Value,
-        args: Vec<Value>,
-        tree: Option<Value>,
-    ) -> Slow {
+    pub(super) fn run_plan(&mut self, host: &mut dyn Host, d: u8, order: Order) -> Slow {
+        let Order { plan, args, tree, seed, projected } = order;
         let function = match plan {
             Value::Imm(Imm::Function(function))
                 if self.program.functions[function.at()].kind == FnKind::Plan =>
             {
-                *function
+                function
             }
-            _ => return Err(type_error("a plan", plan)),
+            _ => return Err(type_error("a plan", &plan)),
         };
         let args = self.arrange(function, args)?;
         let start = match &tree {
@@ -228,10 +231,15 @@ impl Machine {
         below.raised.name(&below.tree);
         let deliver = below.base as usize + d as usize;
         self.inner_runs += 1;
-        let mut run = Run::new(start, !self.breaks.is_empty());
+        let (seed, projected) = (seed.unwrap_or(self.top().seed), projected || self.top().projected);
+        let mut run = Run::new(start, !self.breaks.is_empty(), seed);
+        run.projected = projected;
         run.number = self.inner_runs;
         run.deliver = deliver;
         run.world = self.top().world.as_ref().map(|world| world.fork());
+        if let Some(world) = run.world.as_mut().filter(|_| projected) {
+            world.project();
+        }
         // The plan returns to a frame without instructions: its value ends the run.
         run.pc = RESUME;
         self.runs.push(Box::new(run));

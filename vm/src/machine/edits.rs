@@ -74,7 +74,7 @@ impl Machine {
         let run = self.bottom();
         let world = run.world.take();
         let traced = run.traced;
-        *run = super::Run::new(tree, traced);
+        *run = super::Run::new(tree, traced, run.seed);
         run.world = world;
         Ok(orphans)
     }

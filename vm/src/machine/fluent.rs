@@ -266,8 +266,9 @@ impl Machine {
         args: Vec<Value>,
         what: &str,
     ) -> Result<Value, Raise> {
-        let mut run = self.scratch.take().unwrap_or_else(|| Box::new(Run::new(Default::default(), false)));
+        let mut run = self.scratch.take().unwrap_or_else(|| Box::new(Run::new(Default::default(), false, 0)));
         run.number = u64::MAX;
+        (run.seed, run.projected) = (self.top().seed, self.top().projected);
         run.frames.clear();
         (run.pc, run.base, run.here) = (RESUME, 0, Here(1));
         // What is computed may look at the world, and nobody else looks meanwhile.

@@ -149,10 +149,14 @@ struct Run {
     world: WorldSlot,
     /// The version of the world as a fluent, once somebody has asked for it.
     world_fluent: Option<Value>,
+    /// Key of its random draws.
+    seed: u64,
+    /// It is a rehearsal: see [`Next::RunPlan`](crate::native::Next::RunPlan).
+    projected: bool,
 }
 
 impl Run {
-    fn new(mut tree: Tree, traced: bool) -> Run {
+    fn new(mut tree: Tree, traced: bool, seed: u64) -> Run {
         let root = tree.begin();
         let mut inserted = FxHashMap::default();
         for (id, edit) in (1..).zip(tree.edits.iter()) {
@@ -187,6 +191,8 @@ impl Run {
             number: 0,
             world: None,
             world_fluent: None,
+            seed,
+            projected: false,
         }
     }
 
@@ -230,8 +236,6 @@ pub struct Machine {
     pub limits: Limits,
     /// What the run may do.
     pub grants: Grants,
-    /// Key of all random draws.
-    pub seed: u64,
     /// Key of the order in which ready tasks have their turns; 0 is the order of the source.
     pub schedule: u64,
     /// What came from outside.
@@ -280,11 +284,10 @@ impl Machine {
             program,
             limits,
             grants,
-            seed,
             schedule: 0,
             log: Log::default(),
             globals: Vec::new(),
-            runs: vec![Box::new(Run::new(Tree::default(), false))],
+            runs: vec![Box::new(Run::new(Tree::default(), false, seed))],
             steps: 0,
             round: 0,
             printed: 0,
@@ -356,7 +359,7 @@ impl Machine {
         if !keep {
             tree.forget();
         }
-        *run = Run::new(tree, traced);
+        *run = Run::new(tree, traced, run.seed);
     }
 
     /// Bytes of registers and frames in use.
@@ -507,6 +510,7 @@ impl Machine {
             Err(failure) => (Status::Failed, failure),
         };
         inner.tree.end(RecId(1), status, value, inner.now);
+        inner.tree.world = inner.world.take().map(Rc::from);
         let tree = Value::new(crate::value::Obj::Tree(Rc::new(inner.tree)));
         self.top().stack[inner.deliver] = tree;
         None
@@ -634,8 +638,10 @@ pub struct CtxParts<'a> {
     pub rec: RecId,
     /// How many random numbers each task has drawn.
     pub draws: &'a mut Draws,
-    /// Key of all random draws.
+    /// Key of the random draws of the run.
     pub seed: u64,
+    /// The run is a rehearsal.
+    pub projected: bool,
     /// The task clock, in nanoseconds.
     pub now: u64,
     /// How many bytes have been printed.
@@ -675,7 +681,9 @@ impl<'a> Ctx<'a> {
                 vec![("message", Value::str(message)), ("limit", Value::int(self.parts.output_limit as i64))];
             return Err(Box::new(Failure::with(Builtin::OutputTooLarge, fields)));
         }
-        self.parts.host.print(text);
+        if !self.parts.projected {
+            self.parts.host.print(text);
+        }
         Ok(())
     }
     /// The next random number of the running task.
@@ -686,6 +694,11 @@ impl<'a> Ctx<'a> {
             crate::random::draw(self.parts.seed, self.parts.tree.slot(record.slot).hash, record.attempt, *n);
         *n += 1;
         number
+    }
+    /// True in a rehearsal, in which motions are projected whatever the plan says.
+    #[must_use]
+    pub fn is_projected(&self) -> bool {
+        self.parts.projected
     }
     /// A key for this place in the plan and this seed, the same in each attempt: for what is a function of
     /// what is asked, and no draw.

@@ -178,7 +178,8 @@ impl Overlay {
 
     fn add(&mut self, edit: &Edit, (name, kind, params): Inserted, parent: u32) -> usize {
         let edits = vec![Value::new(Obj::Edit(Box::new(edit.clone())))];
-        let task = Task { name, kind, params, parent, edits, status: "planned", ..Task::default() };
+        let by = edit.by;
+        let task = Task { name, kind, params, parent, edits, by, status: "planned", ..Task::default() };
         self.nodes.push(Node { task, inserted: true, ..Node::default() });
         self.nodes.len() - 1
     }

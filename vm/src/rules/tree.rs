@@ -39,6 +39,15 @@ pub const TABLE: &[(&str, u8, NativeRule)] = &[
     ("task-edit", 2, |call| {
         several(call, |view, task| view.edits(task).iter().map(|edit| (edit.clone(), Value::NIL)).collect())
     }),
+    ("task-order", 2, |call| functional(call, |view, task| Some(Value::int(view.order(task).into())))),
+    ("task-by", 2, |call| {
+        functional(call, |view, task| view.made_by(task).map(|name| Value::Imm(Imm::Symbol(name))))
+    }),
+    ("edited-by", 2, |call| {
+        several(call, |view, task| {
+            view.edited_by(task).into_iter().map(|name| (Value::Imm(Imm::Symbol(name)), Value::NIL)).collect()
+        })
+    }),
     ("subtask", 2, subtask),
     ("subtask+", 2, subtasks),
     ("subtask-with", 4, |call| with(call, true)),
@@ -55,7 +64,8 @@ pub const TABLE: &[(&str, u8, NativeRule)] = &[
 pub fn determined_by(name: &str) -> Option<&'static [usize]> {
     Some(match name {
         "task" | "edited" | "task-name" | "task-type" | "task-kind" | "task-status" | "task-value"
-        | "task-failure" | "task-grounded" | "task-start" | "task-end" | "task-path" => &[0],
+        | "task-failure" | "task-grounded" | "task-start" | "task-end" | "task-path" | "task-order"
+        | "task-by" => &[0],
         "task-param" | "task-param-written" => &[0, 1],
         "subtask" => &[1],
         "subtask+" | "before" => &[0, 1],

@@ -3,6 +3,7 @@
 use rustc_hash::FxHashMap;
 
 use crate::code::Program;
+use crate::key::Step;
 use crate::tree::{NodeKind, ROOT, RecId, SlotId, Status, Tree};
 use crate::value::{Map, Obj, Symbol, Value};
 
@@ -40,6 +41,8 @@ pub struct Task {
     pub edits: Vec<Value>,
     /// Those of them that were added after it ran.
     pub pending: Vec<Value>,
+    /// The transformation that put it there.
+    pub by: Option<Symbol>,
 }
 
 /// One run of a task.
@@ -110,9 +113,10 @@ impl TreeView {
         if !task.edits.is_empty() {
             self.edited.push(number);
         }
-        if task.written.is_some() || !task.attempts.is_empty() || !task.edits.is_empty() {
-            let (written, attempts, edits) = (task.written, task.attempts, task.edits);
-            self.rare.insert(number, Rare { written, attempts, edits });
+        if task.written.is_some() || !task.attempts.is_empty() || !task.edits.is_empty() || task.by.is_some()
+        {
+            let (written, attempts, edits, by) = (task.written, task.attempts, task.edits, task.by);
+            self.rare.insert(number, Rare { written, attempts, edits, by });
         }
         self.rows.push(Row {
             parent: task.parent,
@@ -181,7 +185,8 @@ impl TreeView {
         }
         let all = attempts.get(&slot);
         let is_single = all.is_none();
-        if !is_single || tree.is_changed(rec) || !on_it.is_empty() {
+        let by = inserted_by(tree, slot);
+        if !is_single || tree.is_changed(rec) || !on_it.is_empty() || by.is_some() {
             let attempt = |rec: &RecId| attempt(tree, *rec);
             let all = all.map_or(std::slice::from_ref(&rec), Vec::as_slice);
             let written = crate::show::written_params(program, tree, rec);
@@ -191,6 +196,7 @@ impl TreeView {
                     written: written.map(|params| properties(record.kind, params)),
                     attempts: if is_single { Vec::new() } else { all.iter().map(attempt).collect() },
                     edits: edits(tree, on_it),
+                    by,
                 },
             );
         }
@@ -276,6 +282,17 @@ fn attempt(tree: &Tree, rec: RecId) -> Attempt {
         start: seconds(record.start),
         end: record.status.is_final().then(|| seconds(record.end)),
     }
+}
+
+/// The transformation whose edit put a call there, if the call stands in the code of an edit.
+fn inserted_by(tree: &Tree, slot: SlotId) -> Option<Symbol> {
+    if tree.edits.is_empty() {
+        return None;
+    }
+    let steps = tree.keys.steps(tree.slot(slot).key.chain);
+    let edit =
+        steps.iter().find_map(|step| if let Step::Edit(number) = step { Some(*number) } else { None })?;
+    tree.edits.get(edit as usize - 1)?.edit.by
 }
 
 /// Edits as values.

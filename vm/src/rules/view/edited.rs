@@ -124,6 +124,7 @@ impl TreeView {
             end: self.end(task),
             attempts: self.attempts(task),
             edits: self.edits(task).to_vec(),
+            by: rare.and_then(|it| it.by),
             pending: Vec::new(),
         }
     }

@@ -20,7 +20,7 @@ use std::rc::Rc;
 use rustc_hash::FxHashMap;
 
 use crate::tree::Status;
-use crate::value::{Imm, Symbol, Value};
+use crate::value::{Imm, Obj, Symbol, Value};
 
 use super::join::Order;
 use super::overlay::Planned;
@@ -58,6 +58,8 @@ struct Rare {
     written: Option<Vec<(Symbol, Value)>>,
     attempts: Vec<Attempt>,
     edits: Vec<Value>,
+    /// The transformation that put it there.
+    by: Option<Symbol>,
 }
 
 /// A tree.
@@ -77,6 +79,8 @@ pub struct TreeView {
     values: RefCell<Values>,
     columns: RefCell<FxHashMap<Attr, Rc<Column>>>,
     all: OnceCell<Rc<Vec<u32>>>,
+    /// The place of each task in the order in which they are performed.
+    ranks: OnceCell<Vec<u32>>,
     /// The rank of each task among siblings of its name, from 1.
     calls: OnceCell<Vec<u32>>,
     /// Paths that somebody has asked for, as values.
@@ -230,6 +234,58 @@ impl TreeView {
                 child
             })
         })
+    }
+
+    /// The place of a task among all as they are performed, or would be with the edits on the tree, from 1.
+    #[must_use]
+    pub fn order(&self, task: u32) -> u32 {
+        let ranks = self.ranks.get_or_init(|| {
+            let mut order: Vec<u32> = (0..self.len() as u32).collect();
+            let start = |task: &u32| self.rows[*task as usize].start;
+            match self.planned.is_empty() {
+                true => order.sort_by(|a, b| start(a).total_cmp(&start(b)).then(a.cmp(b))),
+                false => order.sort_by_key(|task| self.planned[*task as usize].place),
+            }
+            let mut ranks = vec![0; order.len()];
+            (1..).zip(order).for_each(|(rank, task)| ranks[task as usize] = rank);
+            ranks
+        });
+        ranks.get(task as usize).copied().unwrap_or(0)
+    }
+
+    /// The transformation that put the task there, or one above it.
+    #[must_use]
+    pub fn made_by(&self, mut task: u32) -> Option<Symbol> {
+        loop {
+            if let Some(by) = self.rare.get(&task).and_then(|it| it.by) {
+                return Some(by);
+            }
+            let above = self.parent(task);
+            if above == task {
+                return None;
+            }
+            task = above;
+        }
+    }
+
+    /// The transformations whose edits stand on the task or on one below, in the order of the tree.
+    #[must_use]
+    pub fn edited_by(&self, task: u32) -> Vec<Symbol> {
+        let end = self.rows[task as usize].below;
+        let first = self.edited.partition_point(|edited| *edited < task);
+        let mut names = Vec::new();
+        for at in self.edited[first..].iter().take_while(|edited| **edited < end) {
+            let by = self.edits(*at).iter().filter_map(|edit| match edit.obj() {
+                Some(Obj::Edit(edit)) => edit.by,
+                _ => None,
+            });
+            for name in by {
+                if !names.contains(&name) {
+                    names.push(name);
+                }
+            }
+        }
+        names
     }
 
     /// True if an edit stands on the task or on one below.
