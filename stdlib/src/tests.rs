@@ -3,7 +3,7 @@
 
 use std::collections::BTreeMap;
 
-use crate::{MODULES, natives};
+use crate::{MODULES, PLANS, natives};
 
 /// A top-level definition of a plan file.
 struct Definition<'a> {
@@ -42,7 +42,7 @@ impl<'a> Definition<'a> {
 fn plans_declare_the_natives_that_exist() {
     let mut missing: BTreeMap<_, _> = natives().iter().map(|native| (native.name, native.arity)).collect();
     assert_eq!(missing.len(), natives().len(), "a name stands twice in the tables");
-    for (module, text) in MODULES {
+    for (module, text) in MODULES.iter().chain(PLANS) {
         for definition in definitions(text).iter().filter(|definition| definition.form == "def-native") {
             let arity = missing.remove(definition.name);
             assert_eq!(arity, Some(definition.arity()), "{} in {module}.plan", definition.name);
