@@ -13,6 +13,7 @@ pub mod files;
 mod import;
 pub mod query;
 pub mod read;
+pub mod rehearse;
 pub mod render;
 pub mod session;
 

@@ -457,14 +457,14 @@ impl Session {
         if !loaded.reports.iter().all(Report::is_warning) {
             return Ended::Errors(loaded.reports);
         }
-        let ended = self.run_forms(loaded, output);
+        let ended = self.load_forms(loaded, output);
         if let Ended::Ran(outcome) = &ended {
             self.machine.finish(outcome);
         }
         ended
     }
 
-    fn run_forms(&mut self, loaded: Loaded, output: &mut dyn Output) -> Ended {
+    pub(crate) fn load_forms(&mut self, loaded: Loaded, output: &mut dyn Output) -> Ended {
         let mut last = Value::NIL;
         for init in loaded.init {
             match self.call_until(init, Vec::new(), output) {
@@ -485,7 +485,7 @@ impl Session {
         if !loaded.reports.iter().all(Report::is_warning) {
             return Ended::Errors(loaded.reports);
         }
-        let last = match self.run_forms(loaded, output) {
+        let last = match self.load_forms(loaded, output) {
             Ended::Ran(Ok(last)) => last,
             ended => return ended,
         };

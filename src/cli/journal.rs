@@ -206,6 +206,9 @@ pub fn head(job: &Job, files: &Files) -> Json {
         "folder": std::env::current_dir().unwrap_or_default(),
         "files": listed,
     });
+    if let Some(wishes) = &job.rehearse {
+        head["rehearse"] = super::transform::to_json(wishes);
+    }
     if let (Json::Object(head), Json::Object(settings)) = (&mut head, job.settings.to_json()) {
         head.extend(settings);
     }
@@ -222,7 +225,12 @@ fn job_of(head: &Json) -> Option<Job> {
     let args = head["args"].as_array()?.iter().map(|arg| arg.as_str().map(str::to_string));
     let plan = head["plan"].as_str().map(str::to_string);
     let file = head["file"].as_str()?.into();
-    Some(Job { file, plan, args: args.collect::<Option<_>>()?, settings: Settings::from_json(head)? })
+    let rehearse = match &head["rehearse"] {
+        Json::Null => None,
+        wishes => Some(super::transform::from_json(wishes)?),
+    };
+    let (args, settings) = (args.collect::<Option<_>>()?, Settings::from_json(head)?);
+    Some(Job { file, plan, args, settings, rehearse })
 }
 
 fn read_head(path: &Path) -> Result<Json, Trouble> {

@@ -24,6 +24,7 @@ pub mod settings;
 mod store;
 pub mod term;
 mod test;
+mod transform;
 mod tree;
 
 use std::path::PathBuf;
@@ -104,6 +105,9 @@ enum Command {
     /// Look at the trees of a store: list, show, compare
     #[command(after_help = tree::HELP)]
     Tree(Box<tree::Tree>),
+    /// Rehearse a plan, and rewrite it where that pays
+    #[command(after_help = transform::HELP)]
+    Transform(Box<transform::Transform>),
     /// Check, export, import and empty stores
     #[command(after_help = store::HELP)]
     Store(store::Command),
@@ -141,6 +145,7 @@ pub fn main() -> u8 {
         Command::Resume(it) => resume::resume(&it),
         Command::Replay(it) => resume::replay(&it),
         Command::Query(it) => query::run(*it),
+        Command::Transform(it) => transform::run(&it),
         Command::Tree(it) => tree::run(&it),
         Command::Store(it) => store::run(&it),
         Command::Repl(it) => crate::repl::run(&it),

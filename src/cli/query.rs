@@ -122,6 +122,7 @@ pub fn run(it: Query) -> Answer {
         plan: it.run.clone(),
         args: it.args.clone(),
         settings: it.settings.clone(),
+        rehearse: None,
     };
     let ended = match it.run {
         Some(_) => {

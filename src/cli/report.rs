@@ -53,7 +53,6 @@ pub(super) fn keep_end(session: &Session, ended: &Ended, console: &mut Console) 
     console.kept(result);
 }
 
-/// Shows how the run ended. The exit code.
 /// Reports how a run has ended, and answers the exit code.
 pub(super) fn report(
     session: &Session,
@@ -61,7 +60,7 @@ pub(super) fn report(
     show: &Show,
     console: &mut Console,
     job: &Job,
-    costs: Option<Costs>,
+    (costs, rehearsal): (Option<Costs>, Option<Json>),
 ) -> Answer {
     console.flush();
     match &console.halt {
@@ -77,6 +76,9 @@ pub(super) fn report(
         let mut json = result_json(session, ended, outcome, show, job);
         if let Some(costs) = costs {
             json["motions"] = costs_json(session, &costs);
+        }
+        if let Some(rehearsal) = rehearsal {
+            json["rehearsal"] = rehearsal;
         }
         term::say(&format!("{json}\n"));
         return Ok(code);

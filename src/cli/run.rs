@@ -4,10 +4,11 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use compiler::{Loaded, Report};
+use pleach::rehearse::{Rehearsal, Wishes};
 use pleach::session::Output;
 use pleach::{Ended, Session};
 use store::{Store, StoreError};
-use vm::persist::SavedEdit;
+use vm::persist::{SavedEdit, SavedTree};
 
 use super::console::Console;
 use super::journal::{At, Journal, Recorded};
@@ -15,6 +16,7 @@ use super::keep::{self, Keeper, Place};
 use super::records::Records;
 use super::report::{errors, keep_end, motion_costs, report};
 use super::settings::Settings;
+use super::transform::Rehearsing;
 use super::{Answer, Trouble, files, interrupt, term};
 
 pub const HELP: &str = "\
@@ -29,6 +31,7 @@ Examples:
   pleach run long.plan --log long.log --stop-at 5000 && pleach resume long.log
   pleach run kitchen.plan --picture monday.svg --record monday.json
   pleach run kitchen.plan --robot simulated
+  pleach run kitchen.plan --rehearse             rewrite the plan where that pays, and run the better one
   pleach run kitchen.plan --store runs.store     and later: pleach tree runs.store
   pleach run kitchen.plan --store runs.store --tree kitchen     the next version of a named tree
 
@@ -44,6 +47,7 @@ With --json stdout is one object, and the program's output goes to stderr:
             attempts [{status, value, failure, start, end}], all runs of a task that was run more
             than once; written and written-params, the call as the plan makes it if edits have
             changed it; edits, why, goal, grounded, performed-in, notes
+  rehearsal with --rehearse what `pleach transform --json` says, without its tree
   motions   {count, path-m, straight-m, hand-m, leaps, failures}; where there is a robot: metres that its base
             drove and in straight lines, metres of its hands, failures recovered from included
 Exit codes: 0 it succeeded · 1 it failed · 2 errors, or a failure while the file was loaded ·
@@ -76,6 +80,11 @@ pub struct Run {
     /// Go on with this tree of the store: its edits apply, and the run is its next version
     #[arg(long, value_name = "NAME", requires = "store", value_parser = tree_name)]
     tree: Option<String>,
+    /// Rehearse the plan in projection, rewrite it where that pays, and run the better plan
+    #[arg(long, conflicts_with = "schedules")]
+    rehearse: bool,
+    #[command(flatten)]
+    rehearsing: Rehearsing,
     /// No option: tests say when the disk of the store is full.
     #[arg(skip)]
     pub store_fails_in: Option<u64>,
@@ -95,7 +104,7 @@ fn tree_name(text: &str) -> Result<String, String> {
 }
 
 /// What is shown of a run.
-#[derive(Debug, Clone, Args)]
+#[derive(Debug, Clone, Default, Args)]
 pub struct Show {
     /// Do not show the tree
     #[arg(long, short)]
@@ -144,6 +153,8 @@ pub struct Job {
     pub args: Vec<String>,
     /// Seed, limits, grants.
     pub settings: Settings,
+    /// How it is rehearsed and transformed before, if it is.
+    pub rehearse: Option<Wishes>,
 }
 
 /// What a run starts from, besides its program.
@@ -165,7 +176,8 @@ pub struct Start<'a> {
 
 /// Runs a plan file.
 pub fn run(it: Run) -> Answer {
-    let job = Job { file: it.file, plan: it.plan, args: it.args, settings: it.settings };
+    let rehearse = if it.rehearse { Some(it.rehearsing.wishes(&it.settings)?) } else { None };
+    let job = Job { file: it.file, plan: it.plan, args: it.args, settings: it.settings, rehearse };
     if let Some(schedules) = it.schedules {
         return super::schedules::explore(&job, &it.show, schedules);
     }
@@ -187,7 +199,20 @@ pub fn perform(job: &Job, show: &Show, start: &Start<'_>) -> Answer {
     }
     loaded.reports.iter().for_each(|warning| term::complain(&session.report(warning)));
     let call = call(&session, job)?;
-    let keeper = keeper(&mut session, job, call.as_deref(), start)?;
+    let (keeper, base) = keeper(&mut session, job, call.as_deref(), start)?;
+    let rehearsal = match &job.rehearse {
+        None => None,
+        Some(wishes) => match super::transform::rehearse(job, show, wishes, base.as_ref())? {
+            Ok(rehearsal) => Some(rehearsal),
+            Err(code) => return Ok(code),
+        },
+    };
+    if let Some(rehearsal) = &rehearsal {
+        if !show.quiet && !show.json {
+            term::complain(&super::transform::text(&rehearsal.report, false));
+        }
+        session.take_up(&rehearsal.tree, call.as_deref())?;
+    }
     let journal = match (start.log, start.recorded.map(|recorded| (recorded.path(), recorded.at))) {
         (Some(path), _) => Some(Journal::create(path, job, &session.files)?),
         (None, Some((path, At::Log(whole)))) if !start.sealed => Some(Journal::reopen(path, whole)?),
@@ -201,35 +226,38 @@ pub fn perform(job: &Job, show: &Show, start: &Start<'_>) -> Answer {
     let mut console = Console::new(show, journal, keeper);
     let mut ended = run_call(&mut session, loaded, call.as_deref(), start, &mut console);
     if session.log_ended {
-        ended = again(&mut session, job, call.as_deref(), start)?;
+        ended = again(&mut session, job, call.as_deref(), start, rehearsal.as_ref())?;
     }
     keep_end(&session, &ended, &mut console);
     let costs = motion_costs(&mut session);
-    let code = report(&session, &ended, show, &mut console, job, costs);
+    let rehearsed = rehearsal.map(|it| it.report);
+    let code = report(&session, &ended, show, &mut console, job, (costs, rehearsed));
     records.write(&mut session, job)?;
     // Freeing a large tree takes longer than leaving that to the system.
     std::mem::forget(session);
     code
 }
 
-/// Makes the session go on with the tree that is meant, and opens the store for writing.
+/// Makes the session go on with the tree that is meant, and opens the store for writing. Answers that tree, too.
 fn keeper(
     session: &mut Session,
     job: &Job,
     call: Option<&str>,
     start: &Start<'_>,
-) -> Result<Option<Keeper>, Trouble> {
+) -> Result<(Option<Keeper>, Option<SavedTree>), Trouble> {
     if let Some(Recorded { at: At::Store(id, base), .. }) = start.recorded {
         let path = start.recorded.map(Recorded::path).unwrap_or(Path::new(""));
+        let mut saved = None;
         if let Some(base) = base {
-            take_up(session, &Store::read(path)?, *base, call)?;
+            saved = Some(take_up(session, &Store::read(path)?, *base, call)?.0);
         }
-        return match start.sealed {
-            true => Ok(None),
-            false => Keeper::resume(path, *id).map(Some),
+        let keeper = match start.sealed {
+            true => None,
+            false => Some(Keeper::resume(path, *id)?),
         };
+        return Ok((keeper, saved));
     }
-    let Some(place) = &start.store else { return Ok(None) };
+    let Some(place) = &start.store else { return Ok((None, None)) };
     let store = Store::write(&place.path)?;
     let base = match &place.tree {
         None => None,
@@ -239,9 +267,12 @@ fn keeper(
             Err(error) => return Err(error.into()),
         },
     };
-    let orphans = match base {
-        None => Vec::new(),
-        Some(base) => take_up(session, &store, base, call)?,
+    let (saved, orphans) = match base {
+        None => (None, Vec::new()),
+        Some(base) => {
+            let (saved, orphans) = take_up(session, &store, base, call)?;
+            (Some(saved), orphans)
+        }
     };
     for (edit, why) in &orphans {
         let edit = vm::show::safe(&edit.edit);
@@ -251,21 +282,23 @@ fn keeper(
         ));
     }
     let main = session.plan("main").filter(|_| job.plan.is_none()).map(|_| "main".to_string());
-    Keeper::begin(store, place, job, &session.files, main, base, orphans).map(Some)
+    let keeper = Keeper::begin(store, place, job, &session.files, main, base, orphans)?;
+    Ok((Some(keeper), saved))
 }
 
-/// The session goes on with a version of a tree. Answers the edits that hold no more.
+/// The session goes on with a version of a tree. Answers it, and its edits that hold no more.
 fn take_up(
     session: &mut Session,
     store: &Store,
     base: i64,
     call: Option<&str>,
-) -> Result<Vec<(SavedEdit, String)>, Trouble> {
+) -> Result<(SavedTree, Vec<(SavedEdit, String)>), Trouble> {
     let saved = keep::base(store, base)?;
-    session.take_up(&saved, call).map_err(|why| {
+    let orphans = session.take_up(&saved, call).map_err(|why| {
         let what = format!("cannot go on with a tree of the store {}: {why}", store.path.display());
         Trouble::new(what, "`pleach store check` says which trees are whole")
-    })
+    })?;
+    Ok((saved, orphans))
 }
 
 fn run_call(
@@ -289,7 +322,13 @@ fn run_call(
 
 /// A replay came to the end of its log, and a little further: once more in silence, to just
 /// before the first question that the log does not answer.
-fn again(session: &mut Session, job: &Job, call: Option<&str>, start: &Start<'_>) -> Result<Ended, Trouble> {
+fn again(
+    session: &mut Session,
+    job: &Job,
+    call: Option<&str>,
+    start: &Start<'_>,
+    rehearsal: Option<&Rehearsal>,
+) -> Result<Ended, Trouble> {
     let log = start.recorded.map(|recorded| recorded.log.clone()).unwrap_or_default();
     let unanswered = session.machine.log.entries.get(log.entries.len()).map_or(0, |entry| entry.step);
     *session = Session::new(job.settings.options(term::error_style())?);
@@ -297,6 +336,9 @@ fn again(session: &mut Session, job: &Job, call: Option<&str>, start: &Start<'_>
     if let Some(Recorded { at: At::Store(_, Some(base)), .. }) = start.recorded {
         let path = start.recorded.map(Recorded::path).unwrap_or(Path::new(""));
         take_up(session, &Store::read(path)?, *base, call)?;
+    }
+    if let Some(rehearsal) = rehearsal {
+        session.take_up(&rehearsal.tree, call)?;
     }
     session.stop_at = Some(unanswered.saturating_sub(1));
     session.replay(log);
@@ -335,7 +377,7 @@ pub fn call(session: &Session, job: &Job) -> Result<Option<String>, Trouble> {
     Ok(Some(format!("({name}{args})")))
 }
 
-fn no_plan(session: &Session, name: &str) -> Trouble {
+pub(super) fn no_plan(session: &Session, name: &str) -> Trouble {
     use compiler::module::Meaning;
     let module = session.front.modules.get(session.module);
     let plans = module

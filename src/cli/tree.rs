@@ -242,6 +242,11 @@ fn line(node: &Json) -> String {
     safe(&line)
 }
 
+/// A whole tree, a line for each node.
+pub fn outline(nodes: &Json) -> String {
+    text(nodes.as_array().map_or(&[], Vec::as_slice), MOST_NODES)
+}
+
 /// A line for each node.
 fn text(nodes: &[Json], most: usize) -> String {
     let parent = |node: &Json| node["parent"].as_u64().and_then(|at| usize::try_from(at).ok());

@@ -178,9 +178,6 @@ impl Machine {
         };
         self.check_value(tree, slot, edit)?;
         let plan = self.plan_at(tree, slot)?;
-        // The code means what its words mean where the edit is made: there it was written, mostly.
-        let at = self.top().pc.checked_sub(1).map(crate::code::Pc);
-        let home = at.and_then(|at| self.program.function_at(at)).unwrap_or(plan);
         let code = match &edit.what {
             What::Replace(code) | What::Wrap(code) => Some((code, true)),
             What::Before(code) | What::After(code) | What::Owe { code, .. } => Some((code, false)),
@@ -188,6 +185,7 @@ impl Machine {
         };
         let code = match code {
             Some((form, original)) => {
+                let home = self.home_of(edit).unwrap_or(plan);
                 Some(host.compile(&mut self.program, CodeRequest { form, plan, home, original })?)
             }
             None => None,
@@ -199,6 +197,20 @@ impl Machine {
             .filter_map(|q| Some((*q, super::obligation::between(&self.program, tree, slot, *q)?)));
         let between = between.collect();
         Ok((slot, Accepted { edit: Rc::new(edit.clone()), callee, plan, code, after, between }))
+    }
+
+    /// The function in whose module the code of an edit means what its words mean: that which defines the transformation
+    /// that made it, else the one that is running, for there it was written, mostly.
+    fn home_of(&mut self, edit: &Edit) -> Option<FnId> {
+        let maker = edit.by.and_then(|by| {
+            let name = format!("%{by}-transformation");
+            self.program.functions.iter().rposition(|it| it.name == name.as_str())
+        });
+        if let Some(maker) = maker {
+            return Some(FnId(maker as u32));
+        }
+        let at = self.top().pc.checked_sub(1).map(crate::code::Pc)?;
+        self.program.function_at(at)
     }
 
     /// A call whose value is used can be left out only with another value in its place.

@@ -516,6 +516,12 @@ impl Machine {
         None
     }
 
+    /// How many runs there have been inside of the outermost.
+    #[must_use]
+    pub fn inner_runs(&self) -> u64 {
+        self.inner_runs
+    }
+
     /// Ends the run without another instruction: what is running fails with this.
     pub fn abandon(&mut self, failure: Failure) -> Value {
         let failure = Value::failure(failure);
