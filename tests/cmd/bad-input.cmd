@@ -155,19 +155,20 @@ A language for robot plans that can rewrite themselves
 Usage: pleach <COMMAND>
 
 Commands:
-  run      Run a plan file, then show the tree of its tasks
-  resume   Go on with a run that was stopped or killed, from its log or a store
-  replay   Run again from a log or a store, as far as a step, and show where the program stands
-  query    Ask the rules of a file, over its facts and over task trees
-  tree     Look at the trees of a store: list, show, compare
-  store    Check, export, import and empty stores
-  repl     Try forms by hand
-  check    Say all that is wrong with files, without running them
-  fmt      Lay files out
-  test     Run the tests in files: their `(def-test name …)`
-  explain  Explain an error code or a type of failures
-  doc      What a name means: special forms, functions, plans, modules, failures
-  help     Print this message or the help of the given subcommand(s)
+  run        Run a plan file, then show the tree of its tasks
+  resume     Go on with a run that was stopped or killed, from its log or a store
+  replay     Run again from a log or a store, as far as a step, and show where the program stands
+  query      Ask the rules of a file, over its facts and over task trees
+  tree       Look at the trees of a store: list, show, compare
+  transform  Rehearse a plan, and rewrite it where that pays
+  store      Check, export, import and empty stores
+  repl       Try forms by hand
+  check      Say all that is wrong with files, without running them
+  fmt        Lay files out
+  test       Run the tests in files: their `(def-test name …)`
+  explain    Explain an error code or a type of failures
+  doc        What a name means: special forms, functions, plans, modules, failures
+  help       Print this message or the help of the given subcommand(s)
 
 Options:
   -h, --help     Print help
