@@ -101,6 +101,9 @@ pub(in crate::machine) struct Discharge {
     stage: Stage,
     /// The failure that goes on outwards from the common form afterwards.
     then: Option<Value>,
+    /// How many calls had been counted before it in the records that it may count in: a retry takes
+    /// back what came since.
+    marks: Vec<(RecId, usize)>,
 }
 
 impl Discharge {
