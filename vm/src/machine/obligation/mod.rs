@@ -168,7 +168,16 @@ impl FormRange {
 
 impl Handling {
     fn left_by(&self, pc: u32, op: Op) -> bool {
-        !(self.clauses.0.0..self.clauses.1.0).contains(&pc) || matches!(op, Op::Retry(..))
+        !self.contains(pc) || self.is_retry(pc, op)
+    }
+
+    /// True for the `(retry)` of the handler itself: a handler inside of its clauses goes back to a place there.
+    fn is_retry(&self, pc: u32, op: Op) -> bool {
+        matches!(op, Op::Retry(_, to) if self.contains(pc) && !self.contains(to.0))
+    }
+
+    fn contains(&self, pc: u32) -> bool {
+        (self.clauses.0.0..self.clauses.1.0).contains(&pc)
     }
 }
 

@@ -334,10 +334,11 @@ impl Machine {
 
     /// A handler of an obligation has done `(retry)`, or was left with a value.
     fn leave_handling(&mut self, host: &mut dyn Host) -> Slow {
-        let pc = self.top().pc as usize;
-        let op = self.program.code[pc];
+        let pc = self.top().pc;
+        let op = self.program.code[pc as usize];
+        let retries = self.top().handling.last().is_some_and(|it| it.is_retry(pc, op));
         self.end_handling();
-        if !matches!(op, Op::Retry(..)) {
+        if !retries {
             return self.return_value(Value::NIL);
         }
         // Perform it again: the next attempt of the same slot, the same obligation.
