@@ -419,9 +419,10 @@ impl<'p> Oracle<'_, 'p> {
         if let Some((same, _)) = self.same_call(call, awaited) {
             let place = if same == call.slot { &call.here.place } else { &self.run.tree.slots[same].place };
             let theirs = place.parts();
-            let turn = theirs.iter().rposition(|part| *part == Part::Turn);
-            let body = theirs.iter().rposition(|part| matches!(part, Part::Node(_)));
-            let outer = &theirs[..turn.or(body.map(|at| at + 1)).unwrap_or(0)];
+            // The innermost loop without keys in its task, or the whole body of that.
+            let body = theirs.iter().rposition(|part| matches!(part, Part::Node(_))).map_or(0, |at| at + 1);
+            let turn = theirs[body..].iter().rposition(|part| *part == Part::Turn);
+            let outer = &theirs[..turn.map_or(body, |at| body + at)];
             return self.find_form(|form| !form.is_shadow && form.place.parts() == outer);
         }
         let contains =
