@@ -253,8 +253,10 @@ pub struct FormRange {
 pub enum FormKind {
     /// The body of a function.
     Body,
-    /// A part of the form around it that is done in one go: an element of a sequence, a branch.
+    /// A part of the form around it that is done in one go: an element of a sequence.
     Step,
+    /// One of the branches of `if` or `case`: of those with the same number in a function one is done.
+    Branch(u32),
     /// The body of a loop: each run of it is another instance of the form.
     Round(Option<RoundKey>),
     /// The body of `with-failure-handling`: a failure goes to `failure` and control to `handler`.

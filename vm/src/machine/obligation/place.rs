@@ -139,6 +139,16 @@ pub(super) fn common_form(
         return Some(repeated(program, mine, level, other.again > ours.again));
     }
     let depth = a.iter().position(|it| *it == form)? + 1;
+    let branch = |path: &[u32]| match program.forms[*path.get(depth)? as usize].kind {
+        FormKind::Branch(of) => Some(of),
+        _ => None,
+    };
+    if let (Some(of), Some(other)) = (branch(&a), branch(&b))
+        && of == other
+    {
+        // The other branch of an `if`: it does not come while this one is done. (3)
+        return Some(Common { level, form, side: Side::Until(program.forms[form as usize].start) });
+    }
     let end = match b.get(depth) {
         Some(side) => program.forms[*side as usize].end,
         None => Pc(program.sites[other.site.at()].pc.0 + 1),
