@@ -330,6 +330,14 @@ impl Program {
         })
     }
 
+    /// True if no part of a form has begun at an instruction of it, or the one before has ended.
+    #[must_use]
+    pub fn is_between_parts(&self, form: u32, pc: Pc) -> bool {
+        let Some(function) = self.function_at(pc) else { return true };
+        let inside = self.forms_outward(self.form_at(function, pc)).take_while(|(id, _)| *id != form);
+        inside.last().is_none_or(|(_, part)| part.start == pc)
+    }
+
     /// The form around a form, within its function.
     #[must_use]
     pub fn around(&self, form: u32) -> Option<u32> {

@@ -1,5 +1,7 @@
 //! Making obligations: `defer` and `owe` at the call of their slot.
 
+use std::cell::Cell;
+
 use crate::code::{FormKind, Pc, Program, RoundKey, SiteId};
 use crate::edit::What;
 use crate::host::Host;
@@ -71,7 +73,8 @@ impl Machine {
         let run = self.top();
         run.tree.extra_mut(rec).performed_in = Some(run.tree.record(performed_in).slot);
         let Plan { after, side, form, holder, level, contexts } = plan;
-        let owed = Obligation { slot, rec, what, after, side, holder, level, form, contexts, goals };
+        let passed = Cell::new(false);
+        let owed = Obligation { slot, rec, what, after, side, passed, holder, level, form, contexts, goals };
         run.obligations.push(owed);
     }
 
@@ -203,6 +206,7 @@ impl Machine {
         });
         if let Some(open) = open {
             (open.after, open.side) = (plan.after, plan.side);
+            open.passed.set(false);
             open.goals.extend(goals);
             return;
         }
@@ -215,7 +219,8 @@ impl Machine {
         run.tree.record_mut(rec).flags |= DRIVEN;
         let Plan { after, side, form, holder, level, contexts } = plan;
         let what = Owed::Code(code, call.args.clone());
-        let owed = Obligation { slot, rec, what, after, side, holder, level, form, contexts, goals };
+        let passed = Cell::new(false);
+        let owed = Obligation { slot, rec, what, after, side, passed, holder, level, form, contexts, goals };
         run.obligations.push(owed);
     }
 

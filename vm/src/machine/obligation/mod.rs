@@ -15,6 +15,8 @@ mod make;
 mod perform;
 mod place;
 
+use std::cell::Cell;
+
 use crate::code::{FormKind, FormRange, Pc, Program, RoundKey};
 use crate::key::{Element, Key, Step};
 use crate::op::Op;
@@ -37,6 +39,8 @@ pub(in crate::machine) struct Obligation {
     /// The place that it waits for.
     after: SlotId,
     side: Side,
+    /// The round that is q's side has been seen to end: afterwards the loop tells of later rounds only.
+    passed: Cell<bool>,
     /// The frame that holds the common form: a task, and a number of frames below it.
     pub(in crate::machine) holder: (TaskId, usize),
     /// Which level that frame is on the way to the call.
@@ -184,22 +188,26 @@ impl Handling {
 impl Obligation {
     /// True if q's side has ended and q is not itself deferred. (1, 7)
     fn is_over(&self, program: &Program, run: &RunView<'_>, pc: u32) -> bool {
-        let passed = match &self.side {
-            Side::Until(end) => pc >= end.0,
-            Side::Round(round, key) => {
-                let round = &program.forms[*round as usize];
-                round.is_behind(pc)
-                    && round
-                        .key()
-                        .is_some_and(|it| current_round(it, run.stack, run.base) == Some(key.clone()))
-            }
-            Side::Later(before) => run
-                .tree
-                .shown(self.after)
-                .is_some_and(|rec| rec > *before && run.tree.record(rec).status.is_final()),
-            // The frame goes on when the form has ended.
-            Side::Branch(_) => true,
-        };
+        let passed = self.passed.get()
+            || match &self.side {
+                Side::Until(end) => pc >= end.0,
+                Side::Round(round, key) => {
+                    let round = &program.forms[*round as usize];
+                    let passed = round.is_behind(pc)
+                        && round
+                            .key()
+                            .is_some_and(|it| current_round(it, run.stack, run.base) == Some(key.clone()));
+                    self.passed.set(passed);
+                    passed
+                }
+                Side::Later(before) => {
+                    let last = run.tree.shown(self.after).filter(|rec| rec > before);
+                    last.is_some_and(|rec| run.tree.record(rec).status.is_final())
+                        && program.is_between_parts(self.form, Pc(pc))
+                }
+                // The frame goes on when the form has ended.
+                Side::Branch(_) => true,
+            };
         passed && !run.obligations.iter().any(|it| it.slot == self.after)
     }
 }

@@ -61,9 +61,11 @@ impl Machine {
                 (run.obligations[*at].after, run.obligations[*at].holder, run.obligations[*at].form);
             let further =
                 run.obligations.iter().find(|it| it.slot == after && (it.holder, it.form) != (holder, form));
-            if let Some(outer) = further.map(|it| (it.holder, it.level, it.form, it.side.clone())) {
+            if let Some(outer) =
+                further.map(|it| (it.holder, it.level, it.form, it.side.clone(), it.passed.clone()))
+            {
                 let it = &mut run.obligations[*at];
-                (it.holder, it.level, it.form, it.side) = outer;
+                (it.holder, it.level, it.form, it.side, it.passed) = outer;
                 return self
                     .first_at_end(&ended.iter().copied().filter(|other| other != at).collect::<Vec<_>>());
             }
