@@ -268,6 +268,18 @@ impl<'p> Lower<'p> {
         self.close();
     }
 
+    /// A number for the branches of an expression: that of its first form, which no other has.
+    fn branches(&self) -> FormKind {
+        FormKind::Branch(self.forms.len() as u32)
+    }
+
+    /// One of the branches of an expression.
+    fn branch(&mut self, kind: FormKind, part: impl FnOnce(&mut Self)) {
+        self.open(kind);
+        part(self);
+        self.close();
+    }
+
     fn register(&mut self) -> u8 {
         let register = self.next;
         self.next += 1;
@@ -591,9 +603,10 @@ impl<'p> Lower<'p> {
             ExprKind::If(test, then, other) => {
                 let no = self.label();
                 self.test(test, no, false);
-                self.step(|it| it.tail(then));
+                let branch = self.branches();
+                self.branch(branch, |it| it.tail(then));
                 self.bind(no);
-                self.step(|it| it.tail(other));
+                self.branch(branch, |it| it.tail(other));
             }
             ExprKind::Let(parts, body) => {
                 self.bindings(parts);

@@ -64,8 +64,11 @@ impl<'p> Oracle<'_, 'p> {
         if usage == Use::Tail {
             // A function that owes something cannot go before it has been done.
             return match self.owes(here.function_form) {
-                true => self.run_function(here, ready),
-                false => Err(Exit::Tail(Ready { place: here.place.clone(), ..ready })),
+                true => {
+                    let place = self.place_of_call(here.function_form);
+                    self.run_function(&Here { place, ..here.clone() }, ready)
+                }
+                false => Err(Exit::Tail(ready)),
             };
         }
         let site = self.site(address(expr));
@@ -73,16 +76,16 @@ impl<'p> Oracle<'_, 'p> {
         self.run_function(&inner, ready)
     }
 
-    /// Runs a function and what it goes on as, on the same way.
-    pub fn run_function(&mut self, here: &Here, ready: Ready<'p>) -> Eval<'p> {
-        let mut ready = Ready { place: here.place.clone(), ..ready };
+    /// Runs a function and what it goes on as, on the same way and at the same place: a tail call ends the forms
+    /// that it stands in.
+    pub fn run_function(&mut self, here: &Here, mut ready: Ready<'p>) -> Eval<'p> {
         loop {
-            let Ready { function, owner, captured, args, place } = ready;
+            let Ready { function, owner, captured, args } = ready;
             let function_form = self.run.forms_made;
-            let inner = Here { place, function_form, owner, original: None, handled: None, ..here.clone() };
-            let result = self.deeper(|it| {
-                it.form(&inner, Part::Body, |it, here| it.body_of(here, function, captured, args))
-            });
+            let inner = Here { function_form, owner, original: None, handled: None, ..here.clone() };
+            let part = Part::Body(std::ptr::from_ref(function) as usize);
+            let result = self
+                .deeper(|it| it.form(&inner, part, |it, here| it.body_of(here, function, captured, args)));
             match result {
                 Err(Exit::Tail(next)) => ready = next,
                 result => return result,
@@ -148,9 +151,7 @@ impl<'p> Oracle<'_, 'p> {
         };
         let function = self.function(id);
         match arrange(&function.params, args) {
-            Ok(args) => {
-                Ok(Ready { function, owner: self.owner(id), captured, args, place: here.place.clone() })
-            }
+            Ok(args) => Ok(Ready { function, owner: self.owner(id), captured, args }),
             Err(problem) => {
                 let message = format!("`{}` {problem}", function.name);
                 self.raise(here, Box::new(Failure::new(Builtin::ArityError, message)))
@@ -210,7 +211,7 @@ impl<'p> Oracle<'_, 'p> {
         self.outer.push(outer);
         let name = self.function(id).name;
         let outcome = self.as_root(|it| {
-            it.form(&Here::root(None), Part::Body, |it, here| {
+            it.form(&Here::root(None), Part::Body(0), |it, here| {
                 let slot = it.slot(here, SiteId(0), name, true, Some(id), true)?;
                 it.start(here, slot, Body::Plan(id), args, None)
             })
@@ -526,13 +527,7 @@ impl<'p> Oracle<'_, 'p> {
                 Body::Branch => return it.branch_code(here, call),
                 Body::Plan(id) => {
                     let args = call.args.clone();
-                    Ready {
-                        function: it.function(id),
-                        owner: it.owner(id),
-                        captured: Vec::new(),
-                        args,
-                        place: here.place.clone(),
-                    }
+                    Ready { function: it.function(id), owner: it.owner(id), captured: Vec::new(), args }
                 }
                 Body::Action => it.ground(here, &call.args[0])?,
             };

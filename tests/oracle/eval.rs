@@ -58,8 +58,6 @@ pub struct Ready<'p> {
     pub owner: Option<FnId>,
     pub captured: Vec<Value>,
     pub args: Vec<Value>,
-    /// Where it is called.
-    pub place: Place,
 }
 
 pub type Eval<'p> = Result<Value, Exit<'p>>;
@@ -783,13 +781,7 @@ impl<'p> Oracle<'_, 'p> {
                 let args = self.arguments(here, args, Some(&self.function(*id).params))?;
                 self.burn(here)?;
                 let function = self.function(*id);
-                let ready = Ready {
-                    function,
-                    owner: Some(*id),
-                    captured: Vec::new(),
-                    args,
-                    place: here.place.clone(),
-                };
+                let ready = Ready { function, owner: Some(*id), captured: Vec::new(), args };
                 self.call_function(here, expr, ready, usage)
             }
             Callee::Plan(id) => {

@@ -16,8 +16,8 @@ pub enum Part {
     Round(Step),
     /// A round of another loop: its rounds are one place.
     Turn,
-    /// The body of a function that is called.
-    Body,
+    /// The body of a function that is called, known by its address.
+    Body(usize),
     /// The body of `with-failure-handling`.
     Guarded,
     /// One of its clauses.
@@ -51,6 +51,10 @@ impl Place {
     #[must_use]
     pub fn inside(&self, part: Part) -> Place {
         Place(Some(Rc::new((part, self.clone()))))
+    }
+    /// What this is a part of.
+    pub fn around(&self) -> Place {
+        self.0.as_ref().map(|it| it.1.clone()).unwrap_or_default()
     }
     /// All parts, from the root.
     pub fn parts(&self) -> Vec<Part> {

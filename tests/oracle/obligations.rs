@@ -249,6 +249,11 @@ impl<'p> Oracle<'_, 'p> {
         self.form_mut(form).ended.clear();
     }
 
+    /// Where a function is called, by the form of its body.
+    pub fn place_of_call(&self, body: usize) -> Place {
+        self.run.forms[&body].place.around()
+    }
+
     /// True if one of its forms from number `first` on owes something.
     pub fn owes(&self, first: usize) -> bool {
         self.run.obligations.iter().any(|it| it.form >= first && self.stacks.forms.contains(&it.form))
@@ -414,16 +419,22 @@ impl<'p> Oracle<'_, 'p> {
         if let Some((same, _)) = self.same_call(call, awaited) {
             let place = if same == call.slot { &call.here.place } else { &self.run.tree.slots[same].place };
             let theirs = place.parts();
-            let turn = theirs.iter().rposition(|part| *part == Part::Turn);
-            let body = theirs.iter().rposition(|part| matches!(part, Part::Node(_)));
-            let outer = &theirs[..turn.or(body.map(|at| at + 1)).unwrap_or(0)];
+            // The innermost loop without keys in its task, or the whole body of that.
+            let body = theirs.iter().rposition(|part| matches!(part, Part::Node(_))).map_or(0, |at| at + 1);
+            let turn = theirs[body..].iter().rposition(|part| *part == Part::Turn);
+            let outer = &theirs[..turn.map_or(body, |at| body + at)];
             return self.find_form(|form| !form.is_shadow && form.place.parts() == outer);
         }
         let contains =
             |form: &Form, parts: &[Part]| !form.is_shadow && parts.starts_with(&form.place.parts());
-        self.find_form(|form| {
+        let common = self.find_form(|form| {
             contains(form, &mine) && contains(form, &theirs) && form.place.parts().len() < theirs.len()
-        })
+        })?;
+        // Where one function goes on as the other, a tail call ends the forms that would contain both.
+        let next = self.run.forms[&common].place.parts().len();
+        let is_tail =
+            matches!((mine.get(next), theirs.get(next)), (Some(Part::Body(_)), Some(Part::Body(_))));
+        (!is_tail).then_some(common)
     }
 
     /// Goals of tasks between the running call and a form are checked later. (6)

@@ -16,11 +16,22 @@ pub fn report_of(head: &str, program: &str, seed: u64) -> String {
     let compared = |program: &str| compare(&format!("{head}{program}"), seed);
     let small = shrink(program, |program| matches!(compared(program), Verdict::Different(..)));
     let small = grammar::format(&small).unwrap_or(small);
-    let (machine, oracle) = match compared(&small) {
-        Verdict::Different(machine, oracle) => (machine, oracle),
-        other => return format!("seed {seed} does not show it again: {other:?}"),
-    };
-    format!("seed {seed}\n{small}\n{}", differences(&machine, &oracle))
+    match compared(&small) {
+        Verdict::Different(machine, oracle) => {
+            format!("seed {seed}\n{small}\n{}", differences(&machine, &oracle))
+        }
+        other => format!("seed {seed} does not show it again: {other:?}"),
+    }
+}
+
+/// What both make of a program.
+#[must_use]
+pub fn shown(program: &str, seed: u64) -> String {
+    match compare(program, seed) {
+        Verdict::Same(seen) => format!("the same\n{}\n{}{}", seen.outcome, seen.output, seen.tree),
+        Verdict::Different(machine, oracle) => differences(&machine, &oracle),
+        Verdict::Errors(why) | Verdict::NotCompared(why) => why,
+    }
 }
 
 /// The lines of both, those that differ marked.

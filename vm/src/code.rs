@@ -253,8 +253,10 @@ pub struct FormRange {
 pub enum FormKind {
     /// The body of a function.
     Body,
-    /// A part of the form around it that is done in one go: an element of a sequence, a branch.
+    /// A part of the form around it that is done in one go: an element of a sequence.
     Step,
+    /// One of the branches of `if` or `case`: of those with the same number in a function one is done.
+    Branch(u32),
     /// The body of a loop: each run of it is another instance of the form.
     Round(Option<RoundKey>),
     /// The body of `with-failure-handling`: a failure goes to `failure` and control to `handler`.
@@ -326,6 +328,14 @@ impl Program {
             next = (form.parent != at).then_some(form.parent);
             Some((at, form))
         })
+    }
+
+    /// True if no part of a form has begun at an instruction of it, or the one before has ended.
+    #[must_use]
+    pub fn is_between_parts(&self, form: u32, pc: Pc) -> bool {
+        let Some(function) = self.function_at(pc) else { return true };
+        let inside = self.forms_outward(self.form_at(function, pc)).take_while(|(id, _)| *id != form);
+        inside.last().is_none_or(|(_, part)| part.start == pc)
     }
 
     /// The form around a form, within its function.

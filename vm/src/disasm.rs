@@ -21,7 +21,7 @@ pub fn function(program: &Program, id: FnId) -> String {
     }
     for form in &program.forms[it.forms.start as usize..it.forms.end as usize] {
         let what = match form.kind {
-            FormKind::Body | FormKind::Step => continue,
+            FormKind::Body | FormKind::Step | FormKind::Branch(_) => continue,
             FormKind::Round(None) => "round".to_string(),
             FormKind::Round(Some(key)) => format!("round {key:?}"),
             FormKind::Guarded { handler, failure } => {

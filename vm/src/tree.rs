@@ -583,6 +583,24 @@ impl Tree {
         rec
     }
 
+    /// The record of another attempt of a call that edits are made for: its parameters, as written and as
+    /// changed, and where it is performed are those of the attempt before.
+    pub fn enter_again(&mut self, before: RecId, now: u64) -> RecId {
+        let Record { slot, parent, kind, flags, .. } = *self.record(before);
+        let performed_in = self.extra(before).and_then(|extra| extra.performed_in);
+        let written = self.written_args(before);
+        let changed = self.is_changed(before).then(|| self.args(before));
+        let rec = self.enter(parent, slot, kind, &written, now);
+        self.record_mut(rec).flags |= DRIVEN | (flags & COUNTED);
+        if let Some(args) = changed {
+            self.change_args(rec, &args);
+        }
+        if performed_in.is_some() {
+            self.extra_mut(rec).performed_in = performed_in;
+        }
+        rec
+    }
+
     /// Makes a record final.
     #[inline(always)]
     pub fn end(&mut self, rec: RecId, status: Status, value: Value, now: u64) {

@@ -11,14 +11,15 @@ impl Lower<'_> {
     pub(super) fn if_(&mut self, test: &Expr, then: &Expr, other: &Expr, dst: u8, used: Use) {
         let (no, end) = (self.label(), self.label());
         self.test(test, no, false);
-        self.step(|it| it.expr(then, dst, used));
+        let branch = self.branches();
+        self.branch(branch, |it| it.expr(then, dst, used));
         if used == Use::Nothing && matches!(other.kind, ExprKind::Const(_)) {
             self.bind(no);
             return;
         }
         self.jump_to(end, Op::Jump);
         self.bind(no);
-        self.step(|it| it.expr(other, dst, used));
+        self.branch(branch, |it| it.expr(other, dst, used));
         self.bind(end);
     }
 
@@ -73,24 +74,26 @@ impl Lower<'_> {
     ) {
         let end = self.label();
         let register = self.operand(subject);
+        let branch = self.branches();
         for (keys, body) in arms {
             let next = self.case_test(register, keys);
-            self.step(|it| it.body(body, dst, used));
+            self.branch(branch, |it| it.body(body, dst, used));
             self.jump_to(end, Op::Jump);
             self.bind(next);
         }
-        self.step(|it| it.body(otherwise, dst, used));
+        self.branch(branch, |it| it.body(otherwise, dst, used));
         self.bind(end);
     }
 
     pub(super) fn tail_case(&mut self, subject: &Expr, arms: &[(Vec<Value>, Vec<Expr>)], otherwise: &[Expr]) {
         let register = self.operand(subject);
+        let branch = self.branches();
         for (keys, body) in arms {
             let next = self.case_test(register, keys);
-            self.step(|it| it.scratch(|it| it.tail_body(body)));
+            self.branch(branch, |it| it.scratch(|it| it.tail_body(body)));
             self.bind(next);
         }
-        self.step(|it| it.tail_body(otherwise));
+        self.branch(branch, |it| it.tail_body(otherwise));
     }
 
     /// Goes on if the register holds one of the keys, else at the label.

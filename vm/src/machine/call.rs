@@ -706,11 +706,7 @@ impl Machine {
         let run = self.top();
         let rec = run.record(run.here);
         if let Some(it) = run.occurrences.get_mut(&rec) {
-            for key in it.journal.drain(mark.min(it.journal.len())..) {
-                if let Some(count) = it.counts.get_mut(&key) {
-                    *count -= 1;
-                }
-            }
+            it.take_back(mark);
         }
         run.tree.retried(rec);
         run.pc = to.0;

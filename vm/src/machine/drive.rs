@@ -20,9 +20,7 @@ use crate::host::Host;
 use crate::native::{Raise, type_error};
 use crate::path::Path;
 use crate::rules::Ask;
-use crate::tree::{
-    ATTEMPTED, CHANGED, COUNTED, DRIVEN, MOVED, NodeKind, RecId, Record, SlotId, Status, Tree, Why,
-};
+use crate::tree::{ATTEMPTED, COUNTED, DRIVEN, MOVED, NodeKind, RecId, SlotId, Status, Tree, Why};
 use crate::value::{Imm, Obj, Symbol, Value};
 
 use super::call::Slow;
@@ -657,27 +655,14 @@ impl Machine {
     /// The record for one evaluation of `(original)` in a wrap: the call's own, then new attempts.
     fn attempt(&mut self) -> RecId {
         let Some(call) = self.calling() else { return RecId(0) };
-        let (rec, slot, parent, args) = (call.rec, call.slot, call.parent, call.args.clone());
+        let rec = call.rec;
         let run = self.top();
         let record = run.tree.record_mut(rec);
         if !record.status.is_final() && record.flags & ATTEMPTED == 0 {
             record.flags |= ATTEMPTED;
             return rec;
         }
-        let kind = run.tree.record(rec).kind;
-        let performed_in = run.tree.extra(rec).and_then(|extra| extra.performed_in);
-        let Record { flags: before, .. } = *run.tree.record(rec);
-        let changed = before & CHANGED != 0;
-        let written = if changed { run.tree.written_args(rec) } else { args.clone() };
-        let rec = run.tree.enter(parent, slot, kind, &written, run.now);
-        run.tree.record_mut(rec).flags |= DRIVEN | (before & COUNTED);
-        if changed {
-            run.tree.change_args(rec, &args);
-        }
-        if performed_in.is_some() {
-            run.tree.extra_mut(rec).performed_in = performed_in;
-        }
-        rec
+        run.tree.enter_again(rec, run.now)
     }
 
     // ------------------------------------------------------------------ failing

@@ -413,6 +413,11 @@ impl Fork {
         &self.code[at as usize]
     }
 
+    /// Its branches.
+    pub(super) fn tasks(&self) -> impl Iterator<Item = TaskId> + use<> {
+        self.branches.clone().map(TaskId)
+    }
+
     /// Where the code of a branch begins.
     pub(super) fn entry_of(&self, id: TaskId) -> u32 {
         self.code_of(id).entry

@@ -104,6 +104,17 @@ struct Occurrences {
     journal: Vec<Key>,
 }
 
+impl Occurrences {
+    /// Takes back what has been counted since the journal had this length.
+    fn take_back(&mut self, mark: usize) {
+        for key in self.journal.drain(mark.min(self.journal.len())..) {
+            if let Some(count) = self.counts.get_mut(&key) {
+                *count -= 1;
+            }
+        }
+    }
+}
+
 /// A tree being grown: its tasks and their clock. Registers, frames and what goes with them are those of
 /// the task that is loaded.
 struct Run {

@@ -140,7 +140,7 @@ impl Machine {
                         failure = with_also(&waiting, failure);
                     }
                 }
-                FormKind::Body | FormKind::Step | FormKind::Round(_) => {}
+                FormKind::Body | FormKind::Step | FormKind::Branch(_) | FormKind::Round(_) => {}
             }
         }
         Err(failure)

@@ -1,5 +1,7 @@
 //! Making obligations: `defer` and `owe` at the call of their slot.
 
+use std::cell::Cell;
+
 use crate::code::{FormKind, Pc, Program, RoundKey, SiteId};
 use crate::edit::What;
 use crate::host::Host;
@@ -71,7 +73,8 @@ impl Machine {
         let run = self.top();
         run.tree.extra_mut(rec).performed_in = Some(run.tree.record(performed_in).slot);
         let Plan { after, side, form, holder, level, contexts } = plan;
-        let owed = Obligation { slot, rec, what, after, side, holder, level, form, contexts, goals };
+        let passed = Cell::new(false);
+        let owed = Obligation { slot, rec, what, after, side, passed, holder, level, form, contexts, goals };
         run.obligations.push(owed);
     }
 
@@ -203,6 +206,7 @@ impl Machine {
         });
         if let Some(open) = open {
             (open.after, open.side) = (plan.after, plan.side);
+            open.passed.set(false);
             open.goals.extend(goals);
             return;
         }
@@ -215,7 +219,8 @@ impl Machine {
         run.tree.record_mut(rec).flags |= DRIVEN;
         let Plan { after, side, form, holder, level, contexts } = plan;
         let what = Owed::Code(code, call.args.clone());
-        let owed = Obligation { slot, rec, what, after, side, holder, level, form, contexts, goals };
+        let passed = Cell::new(false);
+        let owed = Obligation { slot, rec, what, after, side, passed, holder, level, form, contexts, goals };
         run.obligations.push(owed);
     }
 
@@ -253,7 +258,8 @@ impl Run {
             Side::Until(end) => (act.pc < end.0).then_some(end.0 as usize),
             Side::Later(_) => Some(act.pc as usize),
             Side::Branch(slot) => {
-                let ended = self.tree.shown(*slot).is_some_and(|rec| self.tree.record(rec).status.is_final());
+                let begun = self.branch_beside(act.task, *slot);
+                let ended = begun.is_some_and(|rec| self.tree.record(rec).status.is_final());
                 (!ended).then_some(act.pc as usize)
             }
             Side::Round(round, key) => {
@@ -264,6 +270,21 @@ impl Run {
                     between.is_some_and(|known| coming[..at].iter().any(|step| !known.contains(step)));
                 (!strangers).then_some(at)
             }
+        }
+    }
+
+    /// The record of the branch at a slot, in the form of the task `above` that the call stands in: a run of
+    /// the branch before that form began is none of its own.
+    fn branch_beside(&self, above: TaskId, slot: SlotId) -> Option<RecId> {
+        let up = |task: &TaskId| (*task != TaskId::ROOT).then(|| self.tasks.get(*task).parent);
+        let mut around = std::iter::successors(Some(self.tasks.loaded), up);
+        let own = around.find(|task| up(task) == Some(above));
+        match own.and_then(|own| self.fork_of(own)) {
+            Some(fork) => {
+                let mut branches = fork.tasks().map(|task| self.tasks.get(task));
+                branches.find(|branch| branch.slot == slot).map(|branch| branch.rec).filter(|rec| rec.0 != 0)
+            }
+            None => self.tree.shown(slot),
         }
     }
 

@@ -15,6 +15,8 @@ mod make;
 mod perform;
 mod place;
 
+use std::cell::Cell;
+
 use crate::code::{FormKind, FormRange, Pc, Program, RoundKey};
 use crate::key::{Element, Key, Step};
 use crate::op::Op;
@@ -37,6 +39,8 @@ pub(in crate::machine) struct Obligation {
     /// The place that it waits for.
     after: SlotId,
     side: Side,
+    /// The round that is q's side has been seen to end: afterwards the loop tells of later rounds only.
+    passed: Cell<bool>,
     /// The frame that holds the common form: a task, and a number of frames below it.
     pub(in crate::machine) holder: (TaskId, usize),
     /// Which level that frame is on the way to the call.
@@ -101,6 +105,9 @@ pub(in crate::machine) struct Discharge {
     stage: Stage,
     /// The failure that goes on outwards from the common form afterwards.
     then: Option<Value>,
+    /// How many calls had been counted before it in the records that it may count in: a retry takes
+    /// back what came since.
+    marks: Vec<(RecId, usize)>,
 }
 
 impl Discharge {
@@ -165,29 +172,42 @@ impl FormRange {
 
 impl Handling {
     fn left_by(&self, pc: u32, op: Op) -> bool {
-        !(self.clauses.0.0..self.clauses.1.0).contains(&pc) || matches!(op, Op::Retry(..))
+        !self.contains(pc) || self.is_retry(pc, op)
+    }
+
+    /// True for the `(retry)` of the handler itself: a handler inside of its clauses goes back to a place there.
+    fn is_retry(&self, pc: u32, op: Op) -> bool {
+        matches!(op, Op::Retry(_, to) if self.contains(pc) && !self.contains(to.0))
+    }
+
+    fn contains(&self, pc: u32) -> bool {
+        (self.clauses.0.0..self.clauses.1.0).contains(&pc)
     }
 }
 
 impl Obligation {
     /// True if q's side has ended and q is not itself deferred. (1, 7)
     fn is_over(&self, program: &Program, run: &RunView<'_>, pc: u32) -> bool {
-        let passed = match &self.side {
-            Side::Until(end) => pc >= end.0,
-            Side::Round(round, key) => {
-                let round = &program.forms[*round as usize];
-                round.is_behind(pc)
-                    && round
-                        .key()
-                        .is_some_and(|it| current_round(it, run.stack, run.base) == Some(key.clone()))
-            }
-            Side::Later(before) => run
-                .tree
-                .shown(self.after)
-                .is_some_and(|rec| rec > *before && run.tree.record(rec).status.is_final()),
-            // The frame goes on when the form has ended.
-            Side::Branch(_) => true,
-        };
+        let passed = self.passed.get()
+            || match &self.side {
+                Side::Until(end) => pc >= end.0,
+                Side::Round(round, key) => {
+                    let round = &program.forms[*round as usize];
+                    let passed = round.is_behind(pc)
+                        && round
+                            .key()
+                            .is_some_and(|it| current_round(it, run.stack, run.base) == Some(key.clone()));
+                    self.passed.set(passed);
+                    passed
+                }
+                Side::Later(before) => {
+                    let last = run.tree.shown(self.after).filter(|rec| rec > before);
+                    last.is_some_and(|rec| run.tree.record(rec).status.is_final())
+                        && program.is_between_parts(self.form, Pc(pc))
+                }
+                // The frame goes on when the form has ended.
+                Side::Branch(_) => true,
+            };
         passed && !run.obligations.iter().any(|it| it.slot == self.after)
     }
 }

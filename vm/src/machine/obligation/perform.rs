@@ -7,13 +7,13 @@ use crate::host::Host;
 use crate::key::{Key, Step};
 use crate::op::Op;
 use crate::path::Path;
-use crate::tree::{DRIVEN, SlotId, Status, Why};
+use crate::tree::{RecId, SlotId, Status, Why};
 use crate::value::{Obj, Value};
 
 use super::super::call::Slow;
 use super::super::cleanup::CleanUp;
 use super::super::drive::Driver;
-use super::super::{Frame, Here, Machine, Occurrences, RESUME};
+use super::super::{Frame, Here, Machine, Occurrences, RESUME, Run};
 use super::{Context, Discharge, Handling, Obligation, Owed, Stage};
 
 impl Machine {
@@ -61,9 +61,11 @@ impl Machine {
                 (run.obligations[*at].after, run.obligations[*at].holder, run.obligations[*at].form);
             let further =
                 run.obligations.iter().find(|it| it.slot == after && (it.holder, it.form) != (holder, form));
-            if let Some(outer) = further.map(|it| (it.holder, it.level, it.form, it.side.clone())) {
+            if let Some(outer) =
+                further.map(|it| (it.holder, it.level, it.form, it.side.clone(), it.passed.clone()))
+            {
                 let it = &mut run.obligations[*at];
-                (it.holder, it.level, it.form, it.side) = outer;
+                (it.holder, it.level, it.form, it.side, it.passed) = outer;
                 return self
                     .first_at_end(&ended.iter().copied().filter(|other| other != at).collect::<Vec<_>>());
             }
@@ -119,7 +121,8 @@ impl Machine {
         }
         run.frames.push(Frame { pc: run.pc, base: run.base, here: run.here, dst: scratch });
         (run.pc, run.base) = (RESUME, above);
-        let discharge = Discharge { obligation, stage: Stage::Performing, then };
+        let marks = run.marks_of(&obligation);
+        let discharge = Discharge { obligation, stage: Stage::Performing, then, marks };
         run.drivers.push(Driver::Discharge(Box::new(discharge)));
         self.perform_owed(host)
     }
@@ -333,10 +336,11 @@ impl Machine {
 
     /// A handler of an obligation has done `(retry)`, or was left with a value.
     fn leave_handling(&mut self, host: &mut dyn Host) -> Slow {
-        let pc = self.top().pc as usize;
-        let op = self.program.code[pc];
+        let pc = self.top().pc;
+        let op = self.program.code[pc as usize];
+        let retries = self.top().handling.last().is_some_and(|it| it.is_retry(pc, op));
         self.end_handling();
-        if !matches!(op, Op::Retry(..)) {
+        if !retries {
             return self.return_value(Value::NIL);
         }
         // Perform it again: the next attempt of the same slot, the same obligation.
@@ -344,17 +348,14 @@ impl Machine {
         let run = self.top();
         let Some(Driver::Discharge(discharge)) = run.drivers.last_mut() else { return Ok(None) };
         discharge.stage = Stage::Performing;
-        let old = discharge.obligation.rec;
-        let (slot, parent, kind) =
-            (discharge.obligation.slot, run.tree.record(old).parent, run.tree.record(old).kind);
-        let args = run.tree.args(old);
-        let performed_in = run.tree.extra(old).and_then(|extra| extra.performed_in);
-        let rec = run.tree.enter(parent, slot, kind, &args, run.now);
-        run.tree.record_mut(rec).flags |= DRIVEN;
-        run.tree.extra_mut(rec).performed_in = performed_in;
-        if let Some(Driver::Discharge(discharge)) = run.drivers.last_mut() {
-            discharge.obligation.rec = rec;
+        for (rec, mark) in discharge.marks.iter() {
+            if let Some(counted) = run.occurrences.get_mut(rec) {
+                counted.take_back(*mark);
+            }
+            run.tree.retried(*rec);
         }
+        let before = discharge.obligation.rec;
+        discharge.obligation.rec = run.tree.enter_again(before, run.now);
         self.perform_owed(host)
     }
 
@@ -373,5 +374,19 @@ impl Machine {
             let (around, inside) = run.stack.split_at_mut(base);
             around[live..live + shared].clone_from_slice(&inside[..shared]);
         }
+    }
+}
+
+impl Run {
+    /// How many calls have been counted so far in the records that performing it may count in: that of its
+    /// parent, where edits put code beside it, and those of its handlers.
+    fn marks_of(&self, owed: &Obligation) -> Vec<(RecId, usize)> {
+        let parent = if let Owed::Call(call) = &owed.what { Some(call.parent) } else { None };
+        let mut records: Vec<RecId> = owed.contexts.iter().map(|it| self.record(it.here)).collect();
+        records.extend(parent);
+        records.sort_unstable();
+        records.dedup();
+        let counted = |rec: &RecId| self.occurrences.get(rec).map_or(0, |it| it.journal.len());
+        records.into_iter().map(|rec| (rec, counted(&rec))).collect()
     }
 }

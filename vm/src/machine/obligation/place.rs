@@ -136,9 +136,19 @@ pub(super) fn common_form(
         return Some(Common { level, form, side: Side::Branch(theirs[level].1) });
     }
     if ours.site == other.site {
-        return Some(repeated(program, level, &a, other.again > ours.again));
+        return Some(repeated(program, mine, level, other.again > ours.again));
     }
     let depth = a.iter().position(|it| *it == form)? + 1;
+    let branch = |path: &[u32]| match program.forms[*path.get(depth)? as usize].kind {
+        FormKind::Branch(of) => Some(of),
+        _ => None,
+    };
+    if let (Some(of), Some(other)) = (branch(&a), branch(&b))
+        && of == other
+    {
+        // The other branch of an `if`: it does not come while this one is done. (3)
+        return Some(Common { level, form, side: Side::Until(program.forms[form as usize].start) });
+    }
     let end = match b.get(depth) {
         Some(side) => program.forms[*side as usize].end,
         None => Pc(program.sites[other.site.at()].pc.0 + 1),
@@ -146,11 +156,18 @@ pub(super) fn common_form(
     Some(Common { level, form, side: Side::Until(end) })
 }
 
-/// The same call again: the loop without keys around it, or the whole body.
-fn repeated(program: &Program, level: usize, path: &[u32], comes: bool) -> Common {
-    let unkeyed =
-        path.iter().rposition(|form| matches!(program.forms[*form as usize].kind, FormKind::Round(None)));
-    let form = unkeyed.and_then(|at| at.checked_sub(1)).map_or(path[0], |at| path[at]);
+/// The same call again: the innermost loop without keys around it in its task, or the whole body of that.
+fn repeated(program: &Program, mine: &[(Level, SlotId)], level: usize, comes: bool) -> Common {
+    let outward = |level: usize| program.forms_outward(program.sites[mine[level].0.site.at()].form);
+    let looped = |level: usize| {
+        let unkeyed = |form: &FormRange| matches!(form.kind, FormKind::Round(None));
+        let around = outward(level).skip_while(|(_, form)| !unkeyed(form)).nth(1);
+        around.map(|(form, _)| (level, form))
+    };
+    // Functions between are levels that lead to the same slot.
+    let first = mine[..level].iter().rposition(|(_, slot)| *slot != mine[level].1).map_or(0, |at| at + 1);
+    let body = || (first, outward(first).last().map_or(0, |(form, _)| form));
+    let (level, form) = (first..=level).rev().find_map(looped).unwrap_or_else(body);
     // What was called before is over when the form has begun.
     let side = if comes { Side::Later(RecId(0)) } else { Side::Until(program.forms[form as usize].start) };
     Common { level, form, side }
