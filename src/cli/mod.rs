@@ -10,6 +10,7 @@ pub mod doc;
 mod explain;
 pub mod files;
 mod fmt;
+mod html;
 pub mod interrupt;
 mod journal;
 pub mod json;

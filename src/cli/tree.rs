@@ -7,7 +7,7 @@ use serde_json::{Value as Json, json};
 use store::{Store, StoreError, VersionRow};
 use vm::show::safe;
 
-use super::{Answer, FAILED, Trouble, keep, term};
+use super::{Answer, FAILED, Trouble, html, keep, term};
 
 pub const HELP: &str = "\
 Examples:
@@ -16,8 +16,19 @@ Examples:
   pleach tree runs.store kitchen --version 2         another one; also: kitchen@2, or the number of its run
   pleach tree runs.store kitchen --path 'fetching'   what is at paths that end so, and below
   pleach tree runs.store kitchen --path 'transporting :call 2 / fetching'
+  pleach tree runs.store kitchen --at 12.5           as it was at 12.5 s of the task clock
   pleach tree runs.store --diff kitchen@1 kitchen@2
   pleach tree runs.store kitchen --dot | dot -Tsvg > kitchen.svg
+  pleach tree runs.store kitchen --html > kitchen.html
+
+With --at the tree is shown when all had happened that happened until that time, what happened just
+then included. Tasks that had not begun are left out. Tasks that had not ended are `running`, also
+those that waited, were suspended or deferred; they have parameters, but no value, failure or notes
+yet. Of several attempts those are there that had begun. Edits hold from the beginning of a run. What
+tasks waited for then, values of fluents and the world: pleach replay STORE RUN --to 12.5s
+
+--html is one file without anything from elsewhere, to be opened in a browser: tasks are folded, a
+search opens what it finds, colours are outcomes, bars say when a task ran.
 
 With --json stdout is one object: {versions: [{run, tree, version, base, file, plan, seed, outcome, value,
 nodes, edits, steps, clock}]}, {tree: […]} as `pleach run --json` has it, or with --diff {differences:
@@ -42,8 +53,11 @@ pub struct Tree {
     /// Only what is at paths that end so: `fetching`, `transporting[*] / fetching`, `a :call 2 / b`
     #[arg(long, value_name = "PATTERN", requires = "name")]
     path: Option<String>,
+    /// As it was then: seconds of the task clock
+    #[arg(long, value_name = "TIME", requires = "name", value_parser = super::settings::time)]
+    at: Option<u64>,
     /// What differs between two versions
-    #[arg(long, num_args = 2, value_names = ["A", "B"], conflicts_with_all = ["name", "dot"])]
+    #[arg(long, num_args = 2, value_names = ["A", "B"], conflicts_with_all = ["name", "dot", "html"])]
     diff: Option<Vec<String>>,
     /// Print JSON
     #[arg(long)]
@@ -51,6 +65,9 @@ pub struct Tree {
     /// Print a graph for Graphviz
     #[arg(long, requires = "name", conflicts_with = "json")]
     dot: bool,
+    /// Print a page for a browser
+    #[arg(long, requires = "name", conflicts_with_all = ["json", "dot"])]
+    html: bool,
     /// Show the whole tree, however large
     #[arg(long)]
     all: bool,
@@ -64,17 +81,23 @@ pub fn run(it: &Tree) -> Answer {
     }
     let Some(name) = &it.name else { return list(&store, it.json) };
     let version = keep::version(&store, Some(name), it.version)?;
-    let mut nodes = nodes(&store, &version)?;
+    let mut nodes = nodes_at(&store, &version, it.at)?;
     if let Some(pattern) = &it.path {
         nodes = below(nodes, pattern)?;
     }
-    match (it.json, it.dot) {
-        (true, _) => term::say(&format!("{}\n", json!({"tree": nodes}))),
-        (_, true) => term::say(&dot(&nodes)),
+    match it {
+        Tree { json: true, .. } => term::say(&format!("{}\n", json!({"tree": nodes}))),
+        Tree { dot: true, .. } => term::say(&dot(&nodes)),
+        Tree { html: true, .. } => {
+            let orphans = orphans(&store, &version)?;
+            term::say(&html::page(&title(&version, it.at), &about(&store, &version)?, &nodes, &orphans));
+        }
         _ => {
             let most = if it.all { usize::MAX } else { MOST_NODES };
             term::say(&term::paint_tree(&text(&nodes, most), term::out_style()));
-            orphans(&store, &version)?;
+            for (edit, why) in orphans(&store, &version)? {
+                term::say(&format!("an edit holds no more: {}\n  {}\n", safe(&edit), safe(&why)));
+            }
         }
     }
     Ok(0)
@@ -82,24 +105,52 @@ pub fn run(it: &Tree) -> Answer {
 
 /// The nodes of a stored version.
 pub fn nodes(store: &Store, version: &VersionRow) -> Result<Vec<Json>, Trouble> {
+    nodes_at(store, version, None)
+}
+
+/// The same as it was at a time, in nanoseconds of the task clock.
+fn nodes_at(store: &Store, version: &VersionRow, at_ns: Option<u64>) -> Result<Vec<Json>, Trouble> {
     let wrong = |what| {
         let (path, tree) = (store.path.clone(), version.tree.clone());
         let version = version.version.to_string();
         Trouble::from(StoreError::Damaged { path, tree, version, batch: None, what })
     };
-    match store.tree(version)?.json().map_err(wrong)? {
+    let mut tree = store.tree(version)?;
+    if let Some(at_ns) = at_ns {
+        let last_ns = tree.last_ns();
+        if at_ns > last_ns {
+            let last = vm::show::seconds(last_ns);
+            term::complain(&format!("note: the last task began or ended at {last} s\n"));
+        }
+        tree = tree.at(at_ns);
+    }
+    match tree.json().map_err(wrong)? {
         Json::Array(nodes) => Ok(nodes),
         _ => Ok(Vec::new()),
     }
 }
 
-fn orphans(store: &Store, version: &VersionRow) -> Result<(), Trouble> {
-    for (edit, why) in store.edits(version)? {
-        if let Some(why) = why {
-            term::say(&format!("an edit holds no more: {}\n  {}\n", safe(&edit.edit), safe(&why)));
+/// Edits that hold no more, each with the reason.
+fn orphans(store: &Store, version: &VersionRow) -> Result<Vec<(String, String)>, Trouble> {
+    let edits = store.edits(version)?.into_iter();
+    Ok(edits.filter_map(|(edit, why)| Some((edit.edit, why?))).collect())
+}
+
+fn title(version: &VersionRow, at_ns: Option<u64>) -> String {
+    let at = at_ns.map_or_else(String::new, |at| format!(" at {} s", vm::show::seconds(at)));
+    format!("{}@{}{at}", version.tree, version.version)
+}
+
+/// What is known of the run of a version, in a line.
+fn about(store: &Store, version: &VersionRow) -> Result<String, Trouble> {
+    Ok(match store.run(version) {
+        Ok(run) => {
+            let plan = run.plan.unwrap_or_default();
+            format!("run {} of {} {plan}: {}, seed {}", version.id, run.file, run.outcome, run.seed)
         }
-    }
-    Ok(())
+        Err(StoreError::Missing { .. }) => "saved by a program or imported".into(),
+        Err(error) => return Err(error.into()),
+    })
 }
 
 /// All versions.
@@ -231,10 +282,12 @@ fn line(node: &Json) -> String {
     if let Some(attempt) = node["attempt"].as_u64().filter(|attempt| *attempt > 1) {
         line += &format!(", attempt {attempt}");
     }
-    if let (Some(start), Some(end)) = (node["start"].as_f64(), node["end"].as_f64())
-        && start != end
-    {
-        line += &format!("  [{start} – {end} s]");
+    match (node["start"].as_f64(), node["end"].as_f64()) {
+        (Some(start), Some(end)) if start != end => {
+            line += &format!("  [{start} – {end} s, {} s]", took(start, end));
+        }
+        (Some(start), None) => line += &format!("  [since {start} s]"),
+        _ => {}
     }
     for note in node["notes"].as_array().into_iter().flatten().filter_map(Json::as_str) {
         line += &format!("  ({note})");
@@ -245,6 +298,11 @@ fn line(node: &Json) -> String {
 /// A whole tree, a line for each node.
 pub fn outline(nodes: &Json) -> String {
     text(nodes.as_array().map_or(&[], Vec::as_slice), MOST_NODES)
+}
+
+/// How long, in seconds; without the errors that a difference of two numbers has.
+fn took(start: f64, end: f64) -> f64 {
+    ((end - start) * 1e9).round() / 1e9
 }
 
 /// A line for each node.

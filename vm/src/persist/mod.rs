@@ -5,6 +5,7 @@
 //! a change: what is not found there any more is left out and listed. No input or output is done here; how
 //! a text becomes a value is handed in.
 
+mod at;
 mod back;
 mod diff;
 mod export;
