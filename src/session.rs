@@ -375,7 +375,10 @@ impl Session {
             if !self.log_ended {
                 output.looked(&self.machine);
             }
-            let there = self.machine.stopped_at().is_some()
+            // Who looks at a run again means its own tasks, not those of plans that it tries out.
+            let broke = self.machine.stopped_at().is_some() && !(self.sealed && self.machine.is_inside());
+            let there = broke
+                || self.machine.is_at_end_of_clock()
                 || self.stop_at.is_some_and(|stop| self.machine.steps() >= stop);
             if self.log_ended {
                 return Progress::Stopped;

@@ -135,6 +135,38 @@ fn each_of_200_killed_runs_goes_on_to_the_same_tree() {
     kill(50, "real");
 }
 
+/// Parallel branches that wait, fail, are stopped and tried again.
+const WAITS: &str = r#"
+(def-plan boil (what s) (sleep s) what)
+(def-plan serve (n) (sleep 0.5) (if (< n 2) (fail plan-failure :message "spilt") n))
+(def-plan cook (s)
+  (pursue (boil 'rice s) (seq (boil 'water 1) (boil 'tea 9)))
+  (let ((n 0))
+    (with-failure-handling ((plan-failure (e) (if (< n 2) (let () (set! n (+ n 1)) (retry)) (return nil)))) (serve n))))
+(def-plan main () (par (cook 2) (cook 3.25)) (boil 'all 1))
+"#;
+
+#[test]
+fn a_tree_at_a_time_is_that_of_a_run_that_is_stopped_then() {
+    let folder = Folder::new("at", &[("w.plan", WAITS)]);
+    folder.said("run w.plan --store w.store --quiet");
+    let tasks = |args: &str| {
+        let json: serde_json::Value = serde_json::from_str(&folder.said(args)).expect("it is JSON");
+        let nodes = json["tree"].as_array().cloned().unwrap_or_default();
+        let task = |node: &serde_json::Value| {
+            let ended = !node["end"].is_null();
+            let status = if ended { node["status"].to_string() } else { "open".into() };
+            format!("{} {status} {} {} {}", node["path"], node["attempt"], node["start"], node["end"])
+        };
+        nodes.iter().map(task).collect::<Vec<_>>()
+    };
+    for time in ["0", "0.5", "1", "1.75", "2", "2.5", "2.6", "3", "3.25", "4.2", "5.74"] {
+        let stored = tasks(&format!("tree w.store run-1 --at {time} --json"));
+        let replayed = tasks(&format!("replay w.store 1 --to {time}s --json"));
+        assert!(stored.len() > 5 && stored == replayed, "{time}:\n{stored:#?}\n{replayed:#?}");
+    }
+}
+
 const EDITED: &str = r#"
 (def-plan fetch (what) (print "fetch" what) what)
 (def-plan put (what) (print "put" what))

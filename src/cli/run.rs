@@ -13,8 +13,9 @@ use vm::persist::{SavedEdit, SavedTree};
 use super::console::Console;
 use super::journal::{At, Journal, Recorded};
 use super::keep::{self, Keeper, Place};
+use super::moment::{Moment, Target};
 use super::records::Records;
-use super::report::{errors, keep_end, motion_costs, report};
+use super::report::{Extra, errors, keep_end, motion_costs, report};
 use super::settings::Settings;
 use super::transform::Rehearsing;
 use super::{Answer, Trouble, files, interrupt, term};
@@ -170,6 +171,8 @@ pub struct Start<'a> {
     pub record: Record,
     /// When to stop.
     pub stop_at: Option<u64>,
+    /// Which moment is looked at.
+    pub to: Option<Target>,
     /// Only look: nothing outside is asked again, and the log is not written.
     pub sealed: bool,
 }
@@ -219,19 +222,25 @@ pub fn perform(job: &Job, show: &Show, start: &Start<'_>) -> Answer {
         _ => None,
     };
     let records = Records::open(&start.record)?;
-    if records.wanted() {
+    if records.wanted() || start.to.is_some() {
         let world = world::world::World::empty(job.settings.robot.mode(), true);
         *session.machine.world() = Some(Box::new(world));
     }
     let mut console = Console::new(show, journal, keeper);
     let mut ended = run_call(&mut session, loaded, call.as_deref(), start, &mut console);
+    if let Some(missed) = start.to.as_ref().and_then(|to| to.missed(&session)) {
+        console.flush();
+        return Err(missed);
+    }
     if session.log_ended {
         ended = again(&mut session, job, call.as_deref(), start, rehearsal.as_ref())?;
     }
     keep_end(&session, &ended, &mut console);
     let costs = motion_costs(&mut session);
-    let rehearsed = rehearsal.map(|it| it.report);
-    let code = report(&session, &ended, show, &mut console, job, (costs, rehearsed));
+    let stands = start.to.is_some() && matches!(ended, Ended::Stopped);
+    let moment = stands.then(|| Moment::of(&mut session));
+    let extra = Extra { costs, moment, rehearsal: rehearsal.map(|it| it.report) };
+    let code = report(&session, &ended, show, &mut console, job, extra);
     records.write(&mut session, job)?;
     // Freeing a large tree takes longer than leaving that to the system.
     std::mem::forget(session);
@@ -312,6 +321,9 @@ fn run_call(
     session.sealed = start.sealed;
     if let Some(recorded) = start.recorded {
         session.replay(recorded.log.clone());
+    }
+    if let Some(to) = &start.to {
+        to.set(session);
     }
     if console.trace {
         session.trace();

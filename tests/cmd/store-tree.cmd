@@ -62,9 +62,8 @@ $ pleach tree a.store run-1 --at 3.74 --path wash
 wash rice  running  [since 3.5 s]
 --- exit 0
 $ pleach tree a.store run-1 --at 3 --path 'par :call 2' --json
---- stderr
-error: no task of the tree has a path that ends with `boil :call 2`
---- exit 2
+{"tree":[{"name":"par","path":"top-level / main / cook / par :call 2","parent":null,"kind":"branch","status":"running","attempt":1,"params":{},"value":"nil","start":0.0,"end":null},{"name":"boil","path":"top-level / main / cook / par :call 2 / boil","parent":0,"kind":"plan","status":"running","attempt":1,"params":{"what":"water","s":"3.5"},"value":"nil","start":0.0,"end":null}]}
+--- exit 0
 $ pleach tree a.store run-1 --at 3.6 --path cook --dot
 digraph tree {
   node [shape=box, style=filled, fontname="sans-serif"];
