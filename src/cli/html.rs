@@ -9,10 +9,9 @@ use serde_json::{Value as Json, json};
 /// The page: what stands between `{{` and `}}` is filled in.
 const PAGE: &str = include_str!("tree.html");
 
-/// The page. `about`: a line below the title; `orphans`: edits that hold no more, with the reasons.
-pub fn page(title: &str, about: &str, nodes: &[Json], orphans: &[(String, String)]) -> String {
-    let orphans: Vec<Json> = orphans.iter().map(|(edit, why)| json!([edit, why])).collect();
-    let data = json!({"about": about, "nodes": nodes, "orphans": orphans, "title": title});
+/// The page. `about`: a line below the title; `edits`: lines that stand below the tree.
+pub fn page(title: &str, about: &str, nodes: &[Json], edits: &[String]) -> String {
+    let data = json!({"about": about, "edits": edits, "nodes": nodes, "title": title});
     let (head, rest) = PAGE.split_once("{{title}}").expect("the page has a title");
     let (middle, end) = rest.split_once("{{data}}").expect("the page has a place for its data");
     format!("{head}{}{middle}{}{end}", escaped(title), in_script(&data))
@@ -43,7 +42,7 @@ mod tests {
     fn names_and_values_stay_text() {
         let evil = "</script><img src=x onerror=alert(1)><!--<script>\u{2028}&quot;\"'";
         let nodes = [json!({"name": evil, "params": {evil: evil}, "value": evil, "status": "succeeded"})];
-        let page = page(evil, evil, &nodes, &[(evil.into(), evil.into())]);
+        let page = page(evil, evil, &nodes, &[evil.into()]);
         let empty = super::page("", "", &[], &[]);
         assert_eq!(page.matches('<').count(), empty.matches('<').count());
         assert_eq!(page.matches("<script").count(), 2);

@@ -26,6 +26,7 @@ pub mod settings;
 mod store;
 pub mod term;
 mod test;
+mod transfer;
 mod transform;
 mod tree;
 

@@ -89,7 +89,11 @@ pub fn resume(it: &Resume) -> Answer {
 /// Looks at a run again.
 pub fn replay(it: &Replay) -> Answer {
     let recorded = recorded(&it.log, it.run.as_deref(), false)?;
-    recorded.enter_folder()?;
+    // A store has the program, too, but not the rules of a rehearsal.
+    let reads_rules = recorded.job.rehearse.as_ref().is_some_and(|wishes| !wishes.rules.is_empty());
+    if recorded.texts().is_none() || reads_rules {
+        recorded.enter_folder()?;
+    }
     let to = it.to.clone();
     let start = Start { recorded: Some(&recorded), to, sealed: true, ..Start::default() };
     perform(&recorded.job, &it.show, &start)

@@ -192,7 +192,7 @@ pub fn run(it: Run) -> Answer {
 
 /// Loads a program, runs it, and reports.
 pub fn perform(job: &Job, show: &Show, start: &Start<'_>) -> Answer {
-    let mut session = Session::new(job.settings.options(term::error_style())?);
+    let mut session = session(job, start)?;
     let loaded = session.load_file(&job.file).map_err(|why| files::unreadable(&job.file, why))?;
     if let Some(recorded) = start.recorded {
         recorded.check_program(&session.files)?;
@@ -205,10 +205,17 @@ pub fn perform(job: &Job, show: &Show, start: &Start<'_>) -> Answer {
     let (keeper, base) = keeper(&mut session, job, call.as_deref(), start)?;
     let rehearsal = match &job.rehearse {
         None => None,
-        Some(wishes) => match super::transform::rehearse(job, show, wishes, base.as_ref())? {
-            Ok(rehearsal) => Some(rehearsal),
-            Err(code) => return Ok(code),
-        },
+        Some(wishes) => {
+            let mut session = self::session(job, start)?;
+            if !wishes.rules.is_empty() {
+                // What is kept with a run is its program, without these.
+                session.files.use_shelf(None);
+            }
+            match super::transform::rehearse(session, job, show, wishes, base.as_ref())? {
+                Ok(rehearsal) => Some(rehearsal),
+                Err(code) => return Ok(code),
+            }
+        }
     };
     if let Some(rehearsal) = &rehearsal {
         if !show.quiet && !show.json {
@@ -245,6 +252,17 @@ pub fn perform(job: &Job, show: &Show, start: &Start<'_>) -> Answer {
     // Freeing a large tree takes longer than leaving that to the system.
     std::mem::forget(session);
     code
+}
+
+/// A session for a run; who only looks takes the program that is kept with it.
+fn session(job: &Job, start: &Start<'_>) -> Result<Session, Trouble> {
+    let style = term::error_style();
+    if !start.sealed {
+        return Ok(Session::new(job.settings.options(style)?));
+    }
+    let mut session = Session::new(job.settings.options_of_replay(style)?);
+    session.files.use_shelf(start.recorded.and_then(Recorded::texts));
+    Ok(session)
 }
 
 /// Makes the session go on with the tree that is meant, and opens the store for writing. Answers that tree, too.
@@ -343,7 +361,7 @@ fn again(
 ) -> Result<Ended, Trouble> {
     let log = start.recorded.map(|recorded| recorded.log.clone()).unwrap_or_default();
     let unanswered = session.machine.log.entries.get(log.entries.len()).map_or(0, |entry| entry.step);
-    *session = Session::new(job.settings.options(term::error_style())?);
+    *session = self::session(job, start)?;
     let loaded = session.load_file(&job.file)?;
     if let Some(Recorded { at: At::Store(_, Some(base)), .. }) = start.recorded {
         let path = start.recorded.map(Recorded::path).unwrap_or(Path::new(""));

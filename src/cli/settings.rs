@@ -76,6 +76,12 @@ impl Robot {
 impl Settings {
     /// As options of a session.
     pub fn options(&self, style: Style) -> Result<Options, Trouble> {
+        self.check_grants()?;
+        self.options_of_replay(style)
+    }
+
+    /// The same where nothing outside is asked: folders that were granted may be gone.
+    pub fn options_of_replay(&self, style: Style) -> Result<Options, Trouble> {
         Ok(Options {
             limits: self.limits(),
             grants: self.grants()?,
@@ -108,6 +114,13 @@ impl Settings {
             grants.allow(text).map_err(|why| {
                 Trouble::new(format!("--allow {text}: {why}"), "for example: --allow read=data")
             })?;
+        }
+        Ok(grants)
+    }
+
+    fn check_grants(&self) -> Result<(), Trouble> {
+        self.grants()?;
+        for text in &self.allow {
             if let Some((_, path)) = text.split_once('=')
                 && !std::path::Path::new(path).exists()
             {
@@ -115,7 +128,7 @@ impl Settings {
                 return Err(Trouble::new(format!("--allow {text}: there is no {path}"), help));
             }
         }
-        Ok(grants)
+        Ok(())
     }
 
     /// For the head of a log: all that was given or is the default.

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 use serde_json::{Value as Json, json};
 use store::{Store, StoreError, VersionRow};
+use vm::persist::SavedEdit;
 use vm::show::safe;
 
 use super::{Answer, FAILED, Trouble, html, keep, term};
@@ -30,8 +31,10 @@ tasks waited for then, values of fluents and the world: pleach replay STORE RUN 
 --html is one file without anything from elsewhere, to be opened in a browser: tasks are folded, a
 search opens what it finds, colours are outcomes, bars say when a task ran.
 
+Below the tree its edits are listed, each with who made it, and those that hold no more with the reason.
 With --json stdout is one object: {versions: [{run, tree, version, base, file, plan, seed, outcome, value,
-nodes, edits, steps, clock}]}, {tree: […]} as `pleach run --json` has it, or with --diff {differences:
+nodes, edits, steps, clock}]}, {tree: […], edits: [{edit, origin, orphan}]} with the
+tree as `pleach run --json` has it, or with --diff {differences:
 [{path, kind, fields: {field: [first, second]}}]}, where kind is gone, new or changed.
 Exit codes: 0 shown, or no difference · 1 there are differences · 2 it cannot be shown.";
 
@@ -85,19 +88,24 @@ pub fn run(it: &Tree) -> Answer {
     if let Some(pattern) = &it.path {
         nodes = below(nodes, pattern)?;
     }
+    let edits = store.edits(&version)?;
     match it {
-        Tree { json: true, .. } => term::say(&format!("{}\n", json!({"tree": nodes}))),
+        Tree { json: true, .. } => {
+            let mut json = json!({"tree": nodes});
+            if !edits.is_empty() {
+                json["edits"] = edits_json(&edits);
+            }
+            term::say(&format!("{json}\n"));
+        }
         Tree { dot: true, .. } => term::say(&dot(&nodes)),
         Tree { html: true, .. } => {
-            let orphans = orphans(&store, &version)?;
-            term::say(&html::page(&title(&version, it.at), &about(&store, &version)?, &nodes, &orphans));
+            let (title, about) = (title(&version, it.at), about(&store, &version)?);
+            term::say(&html::page(&title, &about, &nodes, &edit_lines(&edits)));
         }
         _ => {
             let most = if it.all { usize::MAX } else { MOST_NODES };
             term::say(&term::paint_tree(&text(&nodes, most), term::out_style()));
-            for (edit, why) in orphans(&store, &version)? {
-                term::say(&format!("an edit holds no more: {}\n  {}\n", safe(&edit), safe(&why)));
-            }
+            edit_lines(&edits).iter().for_each(|line| term::say(&format!("{}\n", safe(line))));
         }
     }
     Ok(0)
@@ -130,10 +138,18 @@ fn nodes_at(store: &Store, version: &VersionRow, at_ns: Option<u64>) -> Result<V
     }
 }
 
-/// Edits that hold no more, each with the reason.
-fn orphans(store: &Store, version: &VersionRow) -> Result<Vec<(String, String)>, Trouble> {
-    let edits = store.edits(version)?.into_iter();
-    Ok(edits.filter_map(|(edit, why)| Some((edit.edit, why?))).collect())
+/// A line for each edit, with who made it; those that hold no more have a reason.
+fn edit_lines(edits: &[(SavedEdit, Option<String>)]) -> Vec<String> {
+    let line = |(edit, orphan): &(SavedEdit, Option<String>)| match orphan {
+        None => format!("edit {} by {}", edit.edit, edit.origin),
+        Some(why) => format!("an edit holds no more: {} by {}: {why}", edit.edit, edit.origin),
+    };
+    edits.iter().map(line).collect()
+}
+
+fn edits_json(edits: &[(SavedEdit, Option<String>)]) -> Json {
+    let json = |(it, orphan): &(SavedEdit, Option<String>)| json!({"edit": it.edit, "origin": it.origin, "orphan": orphan});
+    edits.iter().map(json).collect()
 }
 
 fn title(version: &VersionRow, at_ns: Option<u64>) -> String {

@@ -82,6 +82,8 @@ pub struct SavedEdit {
     pub callee: String,
     /// The slots that it waits for, with the rounds that stood between, as JSON; empty for none.
     pub after: String,
+    /// Who made it, in words; empty if nobody has said so.
+    pub origin: String,
 }
 
 /// All of a tree.
