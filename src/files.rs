@@ -1,5 +1,6 @@
 //! The files of a program: where their texts come from, and what places in them are called.
 
+use std::collections::BTreeMap;
 use std::io::Read as _;
 use std::path::{Path, PathBuf};
 
@@ -10,6 +11,8 @@ use grammar::FileId;
 #[derive(Default)]
 pub struct Files {
     files: Vec<File>,
+    /// Texts by their names that stand for all files.
+    shelf: Option<BTreeMap<String, String>>,
 }
 
 /// A text with its name.
@@ -39,6 +42,29 @@ impl Files {
         FileId(self.files.len() as u32 - 1)
     }
 
+    /// From now on these texts are the files that there are, by the names that messages give them; without any, those of
+    /// the disk are.
+    pub fn use_shelf(&mut self, texts: Option<BTreeMap<String, String>>) {
+        self.shelf = texts;
+    }
+
+    fn text(&self, path: &Path) -> Result<String, String> {
+        match &self.shelf {
+            None => read_text(path),
+            Some(shelf) => shelf
+                .get(&path.display().to_string())
+                .cloned()
+                .ok_or_else(|| format!("cannot read {}: it is not kept with the run", path.display())),
+        }
+    }
+
+    fn exists(&self, path: &Path) -> bool {
+        match &self.shelf {
+            None => path.exists(),
+            Some(shelf) => shelf.contains_key(&path.display().to_string()),
+        }
+    }
+
     /// A file that has been read.
     #[must_use]
     pub fn get(&self, id: FileId) -> Option<&File> {
@@ -56,7 +82,7 @@ impl Files {
     /// A sentence that says why it cannot be read, or where it is no text.
     pub fn read(&mut self, path: &Path) -> Result<Source, String> {
         let name = path.display().to_string();
-        let text = read_text(path)?;
+        let text = self.text(path)?;
         let key = path.canonicalize().map_or_else(|_| name.clone(), |full| full.display().to_string());
         let folder = path.parent().map(Path::to_path_buf);
         let file = self.push(&name, text.clone(), folder);
@@ -70,7 +96,7 @@ impl Files {
     pub fn read_program(&mut self, path: &Path) -> Result<Source, String> {
         let name = path.file_name().and_then(|name| name.to_str());
         let Some(rules) = name.filter(|name| name.ends_with(".pl")) else { return self.read(path) };
-        read_text(path)?;
+        self.text(path)?;
         let text = format!("(use-rules {})", vm::print::quoted(rules));
         let folder = path.parent().map(Path::to_path_buf);
         let file = self.push(&format!("the rules of {}", path.display()), text.clone(), folder);
@@ -164,7 +190,7 @@ impl Loader for Files {
         let has_ending = name.ends_with(".plan") || name.ends_with(".pl");
         let file_name = if has_ending { name.to_string() } else { format!("{name}.plan") };
         let path = folder.join(&file_name);
-        match path.exists() {
+        match self.exists(&path) {
             true => self.read(&path),
             false => Err(format!(
                 "there is no library module and no file of this name; looked for {}",

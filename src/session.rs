@@ -119,15 +119,13 @@ pub struct Session {
 /// The root's part of a run: prints, reads files, compiles the code of edits.
 struct Door<'a> {
     front: &'a mut Front,
+    files: &'a Files,
     grants: &'a Grants,
     output: &'a mut dyn Output,
     sealed: bool,
     log_ended: &'a mut bool,
     real_time: bool,
 }
-
-/// Where the edits of trees come from that programs save.
-const FROM_PROGRAM: &str = "program";
 
 /// What places in the call of the plan are called: its text is no file of the program.
 pub const CALL: &str = "the call of the plan";
@@ -178,10 +176,13 @@ impl Host for Door<'_> {
             Request::SaveTree { store, tree, rows } => {
                 granted("write", store, &self.grants.write)?;
                 let path = Path::new(store);
+                // Edits of which the program has not said who made them are its own.
+                let own = self.files.iter().find(|file| !file.name.starts_with("library/"));
+                let origin = own.map_or("program".into(), |file| format!("program {}", file.name));
                 let version = match self.output.store(path) {
-                    Some(writer) => writer.put_beside(tree, rows, FROM_PROGRAM),
+                    Some(writer) => writer.put_beside(tree, rows, &origin),
                     None => Store::write(path)
-                        .and_then(|store| Writer::put(store, tree, None, rows, FROM_PROGRAM))
+                        .and_then(|store| Writer::put(store, tree, None, rows, &origin))
                         .map(|writer| writer.version),
                 };
                 version.map(|version| json!(version)).map_err(|error| error.to_string())
@@ -375,7 +376,10 @@ impl Session {
             if !self.log_ended {
                 output.looked(&self.machine);
             }
-            let there = self.machine.stopped_at().is_some()
+            // Who looks at a run again means its own tasks, not those of plans that it tries out.
+            let broke = self.machine.stopped_at().is_some() && !(self.sealed && self.machine.is_inside());
+            let there = broke
+                || self.machine.is_at_end_of_clock()
                 || self.stop_at.is_some_and(|stop| self.machine.steps() >= stop);
             if self.log_ended {
                 return Progress::Stopped;
@@ -397,10 +401,10 @@ impl Session {
         output: &mut dyn Output,
         work: impl FnOnce(&mut Machine, &mut dyn Host) -> T,
     ) -> T {
-        let Session { front, machine, sealed, log_ended, real_time, .. } = self;
+        let Session { files, front, machine, sealed, log_ended, real_time, .. } = self;
         let grants = machine.grants.clone();
         let mut door =
-            Door { front, grants: &grants, output, sealed: *sealed, log_ended, real_time: *real_time };
+            Door { front, files, grants: &grants, output, sealed: *sealed, log_ended, real_time: *real_time };
         work(machine, &mut door)
     }
 

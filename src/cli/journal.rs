@@ -5,12 +5,14 @@
 //! and at most a torn last one, which is left out. The head holds hashes of all texts of the
 //! program: a log fits to the program that it was written by and to no other.
 
+use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{BufRead as _, BufReader, Read as _, Seek as _, SeekFrom, Write as _};
 use std::path::{Path, PathBuf};
 
 use pleach::files::{Files, why};
 use serde_json::{Value as Json, json};
+use store::Source;
 use vm::log::{Entry, Log};
 
 use super::Trouble;
@@ -38,6 +40,8 @@ pub struct Recorded {
     /// The folder that it was run in.
     folder: PathBuf,
     hashes: Vec<(String, String)>,
+    /// The texts of its program, where they are kept with it.
+    texts: BTreeMap<String, String>,
     /// What came from outside.
     pub log: Log,
     /// Its file.
@@ -122,7 +126,15 @@ impl Recorded {
         let unfit = || format!("the head of the log {} lacks what is needed to run again", path.display());
         let job = job_of(&head).ok_or_else(unfit)?;
         let folder = head["folder"].as_str().unwrap_or(".").into();
-        Ok(Recorded { job, folder, hashes: hashes_of(&head), log, path: full, at: At::Log(whole) })
+        Ok(Recorded {
+            job,
+            folder,
+            hashes: hashes_of(&head),
+            texts: BTreeMap::new(),
+            log,
+            path: full,
+            at: At::Log(whole),
+        })
     }
 
     /// The run of a store.
@@ -132,17 +144,31 @@ impl Recorded {
         path: &Path,
         id: i64,
         base: Option<i64>,
+        texts: BTreeMap<String, String>,
     ) -> Result<Recorded, Trouble> {
         let unfit =
             || format!("run {id} of the store {} lacks what is needed to run it again", path.display());
         let job = job_of(head).ok_or_else(unfit)?;
         let folder = head["folder"].as_str().unwrap_or(".").into();
-        Ok(Recorded { job, folder, hashes: hashes_of(head), log, path: path.into(), at: At::Store(id, base) })
+        Ok(Recorded {
+            job,
+            folder,
+            hashes: hashes_of(head),
+            texts,
+            log,
+            path: path.into(),
+            at: At::Store(id, base),
+        })
     }
 
     /// The file that it stands in.
     pub fn path(&self) -> &Path {
         &self.path
+    }
+
+    /// The texts of its program; nothing if they have to be read again.
+    pub fn texts(&self) -> Option<BTreeMap<String, String>> {
+        Some(self.texts.clone()).filter(|texts| !texts.is_empty())
     }
 
     /// Goes to the folder that the program was run in: its paths count from there.
@@ -272,6 +298,20 @@ pub fn hashes(files: &Files) -> Vec<(String, String)> {
         .filter(|file| !file.name.starts_with(LIBRARY) && file.name != pleach::session::CALL)
         .map(|file| (file.name.clone(), hash(&file.text)));
     std::iter::once((LIBRARY.to_string(), hash(&library))).chain(own).collect()
+}
+
+/// True if these files, with the text of all but the library, are the program that a head is about.
+pub fn is_program(head: &Json, program: &str, sources: &[Source]) -> bool {
+    let listed = hashes_of(head);
+    let all: String = listed.iter().map(|(_, hash)| hash.as_str()).collect();
+    let fits = |it: &Source| match &it.text {
+        Some(text) => hash(text) == it.hash,
+        None => it.file == LIBRARY,
+    };
+    let known = |it: &Source| listed.iter().any(|(name, hash)| *name == it.file && *hash == it.hash);
+    hash(&all) == program
+        && sources.len() == listed.len()
+        && sources.iter().all(|source| fits(source) && known(source))
 }
 
 fn hash(text: &str) -> String {

@@ -1,5 +1,6 @@
 //! Runs in a store: writing one while it runs, finding one to go on with or to look at.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
@@ -187,7 +188,18 @@ pub fn recorded(path: &Path, run: Option<&str>, to_go_on: bool) -> Result<Record
         ));
     }
     let head = serde_json::from_str(&run.head).unwrap_or_default();
-    Recorded::of_store(&head, store.log(&version)?, &path, version.id, version.base)
+    let texts = texts(&store, &version, &run.program)?;
+    Recorded::of_store(&head, store.log(&version)?, &path, version.id, version.base, texts)
+}
+
+/// The texts of a program, by the names of its files.
+pub fn texts(
+    store: &Store,
+    version: &VersionRow,
+    program: &str,
+) -> Result<BTreeMap<String, String>, Trouble> {
+    let files = store.program(version, program)?;
+    Ok(files.into_iter().filter_map(|it| Some((it.file, it.text?))).collect())
 }
 
 /// The version that a run goes on with, as rows.

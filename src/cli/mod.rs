@@ -10,10 +10,12 @@ pub mod doc;
 mod explain;
 pub mod files;
 mod fmt;
+mod html;
 pub mod interrupt;
 mod journal;
 pub mod json;
 mod keep;
+pub mod moment;
 pub mod query;
 mod records;
 pub mod report;
@@ -24,6 +26,7 @@ pub mod settings;
 mod store;
 pub mod term;
 mod test;
+mod transfer;
 mod transform;
 mod tree;
 
@@ -96,7 +99,7 @@ enum Command {
     /// Go on with a run that was stopped or killed, from its log or a store
     #[command(after_help = resume::RESUME_HELP)]
     Resume(resume::Resume),
-    /// Run again from a log or a store, as far as a step, and show where the program stands
+    /// Run again from a log or a store, as far as a moment, and show that moment
     #[command(after_help = resume::REPLAY_HELP)]
     Replay(resume::Replay),
     /// Ask the rules of a file, over its facts and over task trees

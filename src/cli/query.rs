@@ -32,19 +32,23 @@ Examples:
   pleach query runs.store '(task-status ?task failed)' --all
   pleach query runs.store '(task-status ?task failed)' --stored kitchen@2
   pleach query runs.store '(task-status ?task failed)' --each --all
+  pleach query runs.store '(both-hands ?one ?other)' --rules rules.plan --each --all
   pleach query rules.plan '(both-hands ?one ?other)' --tree runs.store --stored kitchen
 
 The goal is what could stand after a head in `def-rules`; several goals must hold together. Words
 that begin with `?` are asked for, `?_` is anything. The file is a plan file, or Prolog text that ends
 in .pl; its top-level forms are run first. Goals about tasks see the tree of that, with --run that of
 the plan, with --tree that of an earlier run. Of a store they see the last tree, or the one that --stored
-names; the rules are those of its program. `pleach doc rule` lists predicates of the library,
+names; the rules are those of its program. With --each every version is asked with the rules of the last one,
+and a line `% NAME@VERSION` stands before its answers; with --json there is a line with an object for each. --rules adds the predicates of more files,
+which may use those of the program, or define them again. `pleach doc rule` lists predicates of the library,
 `pleach doc task-rule` those about tasks.
 
 An answer is a line `?x = value` for each variable, `true.` where there is none to ask for; if there
 is no answer, `false.`. What the plan of --run prints goes to stderr.
 With --why the proof of the first answer is printed, or for each clause what fails in it, the nearest first.
 With --json stdout is one object:
+  tree      which tree was asked, as NAME@VERSION; with --each
   answers   [{\"?x\": \"value\"}], values as `write` prints them
   more      whether there may be more answers than were asked for
   why       {holds, parts: [{text, place, parts}]}; with --why
@@ -76,11 +80,14 @@ pub struct Query {
     /// A file that `pleach run --json` wrote, or a store: goals about tasks see its tree
     #[arg(long, value_name = "FILE")]
     tree: Option<PathBuf>,
+    /// More rules: a plan file or Prolog text (.pl) whose predicates the goal can use; once for each
+    #[arg(long, value_name = "FILE")]
+    rules: Vec<PathBuf>,
     /// Which tree of the store: NAME, NAME@VERSION, or the number of a run
     #[arg(long, value_name = "NAME")]
     stored: Option<String>,
     /// Ask each version of each tree of the store
-    #[arg(long, conflicts_with_all = ["stored", "json"])]
+    #[arg(long, conflicts_with = "stored")]
     each: bool,
     /// Why the goal holds, with the places of the rules; or why it does not
     #[arg(long, conflicts_with_all = ["all", "most", "plan"])]
@@ -112,7 +119,8 @@ pub fn run(it: Query) -> Answer {
     interrupt::listen();
     let mut session = Session::new(it.settings.options(term::error_style())?);
     let trees = trees(&session, &it)?;
-    let loaded = load(&mut session, &it)?;
+    let mut loaded = load(&mut session, &it)?;
+    add_rules(&mut session, &it, &mut loaded)?;
     if !loaded.reports.iter().all(Report::is_warning) {
         return Ok(errors(&session, &it, &loaded.reports));
     }
@@ -135,7 +143,7 @@ pub fn run(it: Query) -> Answer {
         Ended::Errors(reports) => return Ok(errors(&session, &it, &reports)),
         Ended::NotLoaded(failure) => {
             term::complain("error: the file could not be loaded: one of its top-level forms failed\n");
-            return failed(&session, &it, &failure, Vec::new()).map(|_| ERRORS);
+            return failed(&session, &it, "", &failure, Vec::new()).map(|_| ERRORS);
         }
         Ended::Stopped => return Ok(INTERRUPTED),
         // What became of the plan can be asked.
@@ -178,8 +186,10 @@ fn trees(session: &Session, it: &Query) -> Result<Vec<Asked>, Trouble> {
     };
     let tree = |version: VersionRow| {
         let nodes = Json::Array(super::tree::nodes(&store, &version)?);
-        let name = format!("{}@{}", vm::show::safe(&version.tree), version.version);
-        let view = session.tree_of_nodes(&nodes).map_err(|why| Trouble::from(format!("{name}: {why}")))?;
+        let name = format!("{}@{}", version.tree, version.version);
+        let view = session
+            .tree_of_nodes(&nodes)
+            .map_err(|why| Trouble::from(format!("{}: {why}", vm::show::safe(&name))))?;
         Ok((name, Some(view)))
     };
     versions.into_iter().map(tree).collect()
@@ -196,25 +206,49 @@ fn load(session: &mut Session, it: &Query) -> Result<Loaded, Trouble> {
     }
     let store = Store::read(&it.file)?;
     let version = keep::version(&store, it.stored.as_deref(), None)?;
-    let source = match store.run(&version) {
-        Ok(run) => {
-            let files = store.program(&version, &run.program)?;
-            files.into_iter().find(|source| source.file == run.file).and_then(|source| source.text)
-        }
-        Err(StoreError::Missing { .. }) => None,
+    let run = match store.run(&version) {
+        Ok(run) => run,
+        Err(StoreError::Missing { .. }) => return Ok(session.load_text("the program of the store", "")),
         Err(error) => return Err(error.into()),
     };
-    Ok(session.load_text("the program of the store", &source.unwrap_or_default()))
+    session.files.use_shelf(Some(keep::texts(&store, &version, &run.program)?));
+    let loaded = session.load_file(Path::new(&run.file)).map_err(Trouble::from);
+    session.files.use_shelf(None);
+    loaded
+}
+
+/// Adds the rules of more files, which see those of the program and may define them again.
+fn add_rules(session: &mut Session, it: &Query, loaded: &mut Loaded) -> Result<(), Trouble> {
+    for file in &it.rules {
+        let more = session.extend_file(file).map_err(|why| files::unreadable(file, why))?;
+        loaded.init.extend(more.init);
+        loaded.reports.extend(more.reports);
+    }
+    Ok(())
+}
+
+/// Prints an object; of several trees it says which one was asked.
+fn say_json(it: &Query, name: &str, json: Json) {
+    let mut all = Map::new();
+    if it.each {
+        all.insert("tree".into(), json!(name));
+    }
+    all.extend(json.as_object().cloned().unwrap_or_default());
+    term::say(&format!("{}\n", Json::Object(all)));
 }
 
 /// Asks each tree; the exit code is that of the best answer.
 fn ask_all(session: &mut Session, it: &Query, trees: Vec<Asked>) -> Answer {
     let mut best = None;
     for (name, tree) in trees {
-        if it.each {
-            term::say(&format!("% {name}\n"));
+        if it.each && !it.json {
+            term::say(&format!("% {}\n", vm::show::safe(&name)));
         }
-        let code = ask(session, it, tree)?;
+        let code = ask(session, it, &name, tree)?;
+        if matches!(code, ERRORS | INTERRUPTED) {
+            // The next tree has the same to say.
+            return Ok(code);
+        }
         best = Some(best.map_or(code, |best: u8| best.min(code)));
     }
     Ok(best.unwrap_or(FAILED))
@@ -231,16 +265,16 @@ fn read_tree(session: &Session, path: &Path) -> Result<Rc<TreeView>, Trouble> {
     })
 }
 
-fn ask(session: &mut Session, it: &Query, tree: Option<Rc<TreeView>>) -> Answer {
+fn ask(session: &mut Session, it: &Query, name: &str, tree: Option<Rc<TreeView>>) -> Answer {
     let mut question = match session.ask("goal", &it.goal, tree) {
         Ok(question) => question,
         Err(reports) => return Ok(errors(session, it, &reports)),
     };
     if it.why {
-        return explain(session, it, &mut question);
+        return explain(session, it, name, &mut question);
     }
     if it.plan {
-        return plan(session, it, &mut question);
+        return plan(session, it, name, &mut question);
     }
     let most = if it.all { u64::MAX } else { it.most.unwrap_or(1) };
     // Limits hold for the query by itself.
@@ -254,7 +288,7 @@ fn ask(session: &mut Session, it: &Query, tree: Option<Rc<TreeView>>) -> Answer 
                 more = false;
                 break;
             }
-            Err(failure) => return failed(session, it, &failure, answers),
+            Err(failure) => return failed(session, it, name, &failure, answers),
         };
         more = !answer.is_last;
         match it.json {
@@ -267,7 +301,7 @@ fn ask(session: &mut Session, it: &Query, tree: Option<Rc<TreeView>>) -> Answer 
         }
     }
     if it.json {
-        term::say(&format!("{}\n", json!({"answers": answers, "more": more})));
+        say_json(it, name, json!({"answers": answers, "more": more}));
     } else if count == 0 && most > 0 {
         term::say("false.\n");
     } else if more && it.most.is_none() {
@@ -279,16 +313,16 @@ fn ask(session: &mut Session, it: &Query, tree: Option<Rc<TreeView>>) -> Answer 
 }
 
 /// `--why`
-fn explain(session: &mut Session, it: &Query, question: &mut Question) -> Answer {
+fn explain(session: &mut Session, it: &Query, name: &str, question: &mut Question) -> Answer {
     let explained = match session.explain(question) {
         Ok(explained) => explained,
-        Err(failure) => return failed(session, it, &failure, Vec::new()),
+        Err(failure) => return failed(session, it, name, &failure, Vec::new()),
     };
     match it.json {
         true => {
             let parts: Vec<Json> =
                 explained.parts.iter().map(|part| explanation_json(session, part)).collect();
-            term::say(&format!("{}\n", json!({"why": {"holds": explained.holds, "parts": parts}})));
+            say_json(it, name, json!({"why": {"holds": explained.holds, "parts": parts}}));
         }
         false => term::say(&explanation_text(session, &explained)),
     }
@@ -311,17 +345,17 @@ fn explanation_json(session: &Session, part: &Explanation) -> Json {
 }
 
 /// `--plan`
-fn plan(session: &mut Session, it: &Query, question: &mut Question) -> Answer {
+fn plan(session: &mut Session, it: &Query, name: &str, question: &mut Question) -> Answer {
     let steps = match session.plan_of(question) {
         Ok(steps) => steps,
-        Err(failure) => return failed(session, it, &failure, Vec::new()),
+        Err(failure) => return failed(session, it, name, &failure, Vec::new()),
     };
     if it.json {
         let steps: Vec<Json> = steps
             .iter()
             .map(|step| json!({"goal": step.goal, "expected": step.expected, "held": step.held}))
             .collect();
-        term::say(&format!("{}\n", json!({"plan": steps})));
+        say_json(it, name, json!({"plan": steps}));
     } else {
         term::say(&format!("{:>10} {:>10}  goal\n", "expected", "held"));
         for step in &steps {
@@ -363,10 +397,10 @@ fn errors(session: &Session, it: &Query, reports: &[Report]) -> u8 {
 }
 
 /// Shows why there are no more answers.
-fn failed(session: &Session, it: &Query, failure: &Value, answers: Vec<Json>) -> Answer {
+fn failed(session: &Session, it: &Query, name: &str, failure: &Value, answers: Vec<Json>) -> Answer {
     if it.json {
         let failure = json::failure(&session.files, &session.machine.program, failure);
-        term::say(&format!("{}\n", json!({"answers": answers, "more": false, "failure": failure})));
+        say_json(it, name, json!({"answers": answers, "more": false, "failure": failure}));
     }
     term::complain(&report::failure_text(session, failure));
     Ok(FAILED)

@@ -8,6 +8,7 @@ use vm::value::Value;
 use world::motions::Costs;
 
 use super::console::{Console, Halt};
+use super::moment::Moment;
 use super::run::{Job, Show};
 use super::{Answer, ERRORS, FAILED, INTERRUPTED, json, term};
 
@@ -15,6 +16,16 @@ use super::{Answer, ERRORS, FAILED, INTERRUPTED, json, term};
 const MOST_NODES: usize = 500;
 /// Of how many calls a stopped run says where they stand.
 const MOST_CALLS: usize = 10;
+
+/// What is shown besides the tree and the outcome.
+pub(super) struct Extra {
+    /// What motions have cost.
+    pub costs: Option<Costs>,
+    /// The moment at which the run stands.
+    pub moment: Option<Moment>,
+    /// What came of the rehearsal.
+    pub rehearsal: Option<Json>,
+}
 
 /// Shows errors of the program.
 pub fn errors(session: &Session, reports: &[Report], show: &Show) -> u8 {
@@ -60,8 +71,9 @@ pub(super) fn report(
     show: &Show,
     console: &mut Console,
     job: &Job,
-    (costs, rehearsal): (Option<Costs>, Option<Json>),
+    extra: Extra,
 ) -> Answer {
+    let Extra { costs, moment, rehearsal } = extra;
     console.flush();
     match &console.halt {
         Some(Halt::NoReader) => return Ok(141),
@@ -79,6 +91,9 @@ pub(super) fn report(
         }
         if let Some(rehearsal) = rehearsal {
             json["rehearsal"] = rehearsal;
+        }
+        if let Some(moment) = moment {
+            moment.add_to(&mut json);
         }
         term::say(&format!("{json}\n"));
         return Ok(code);
@@ -101,6 +116,9 @@ pub(super) fn report(
         }
         Ended::Stopped => term::complain(&stopped_text(session, console)),
         _ => {}
+    }
+    if let Some(moment) = moment.filter(|_| !show.quiet) {
+        term::complain(&moment.text());
     }
     Ok(code)
 }
@@ -168,11 +186,10 @@ fn stopped_text(session: &Session, console: &Console) -> String {
         (None, true) => "the log ends here: stopped",
         (None, false) => "stopped",
     };
-    let mut text = format!(
-        "{why} at step {}, {} s of the task clock\n",
-        machine.steps(),
-        vm::show::seconds(machine.now())
-    );
+    let begins =
+        machine.stopped_at().map_or_else(String::new, |path| format!(" where {} begins", path.show()));
+    let clock = vm::show::seconds(machine.now());
+    let mut text = format!("{why} at step {}, {clock} s of the task clock{begins}\n", machine.steps());
     text += &place_text(session);
     if let Some(journal) = &console.journal {
         text += &format!("go on with: pleach resume {}\n", journal.path.display());

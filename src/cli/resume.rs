@@ -9,6 +9,7 @@ use clap::Args;
 
 use super::journal::Recorded;
 use super::keep;
+use super::moment::Target;
 use super::run::{Show, Start, perform};
 use super::{Answer, Trouble, term};
 
@@ -27,12 +28,24 @@ to the log. What it prints, it prints again. Seed, limits and grants are those o
 pub const REPLAY_HELP: &str = "\
 Examples:
   pleach replay long.log                 the same output and the same tree again
-  pleach replay long.log --to 3000       the tree at that step, and where the program stands
+  pleach replay long.log --to 3000       at that step
+  pleach replay long.log --to 12.5s      at that time of the task clock
+  pleach replay runs.store 3 --to 'transporting :call 2 / fetching'
+                                         where the first task begins whose path ends so
   pleach replay runs.store 3             run 3 of a store
   pleach replay runs.store kitchen@2     the run that made version 2 of a tree
 
 Nothing outside is read or changed: all answers come from the log, and the replay ends where the
-log ends. Output, --json and exit codes are those of `pleach run`.";
+log ends. Output, --json and exit codes are those of `pleach run`.
+
+With --to also that moment is shown: what tasks wait for, what fluents hold, the world and what the
+robot believes of it. At a time all has happened that happens until then. With --json the object has
+  tasks     [{path, what}], those that have not ended
+  fluents   [{name, fluent, value}]; the name of the constant that holds it, if one does
+  world     {robot: {name, base, joints}, hands, objects: [{name, type, on, pose}], containers,
+            motions: [{motion, begin, lasts}]}, with motions played up to that moment; null without one
+  beliefs   {seen: [{name, at, pose}], open}; null without a world
+Poses are [x, y, z, qx, qy, qz, qw], in metres.";
 
 /// `pleach resume`
 #[derive(Args)]
@@ -55,9 +68,9 @@ pub struct Replay {
     log: PathBuf,
     /// Which run of the store: its number, or NAME@VERSION of its tree; without, the last one
     run: Option<String>,
-    /// As far as this step: so many calls and backward jumps
-    #[arg(long, value_name = "STEP", value_parser = super::settings::count)]
-    to: Option<u64>,
+    /// As far as this: a step (calls and backward jumps), a time (12.5s) or the begin of a task (the end of its path)
+    #[arg(long, value_name = "STEP|TIME|PATH", value_parser = Target::read)]
+    to: Option<Target>,
     #[command(flatten)]
     show: Show,
 }
@@ -76,8 +89,13 @@ pub fn resume(it: &Resume) -> Answer {
 /// Looks at a run again.
 pub fn replay(it: &Replay) -> Answer {
     let recorded = recorded(&it.log, it.run.as_deref(), false)?;
-    recorded.enter_folder()?;
-    let start = Start { recorded: Some(&recorded), stop_at: it.to, sealed: true, ..Start::default() };
+    // A store has the program, too, but not the rules of a rehearsal.
+    let reads_rules = recorded.job.rehearse.as_ref().is_some_and(|wishes| !wishes.rules.is_empty());
+    if recorded.texts().is_none() || reads_rules {
+        recorded.enter_folder()?;
+    }
+    let to = it.to.clone();
+    let start = Start { recorded: Some(&recorded), to, sealed: true, ..Start::default() };
     perform(&recorded.job, &it.show, &start)
 }
 

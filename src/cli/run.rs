@@ -13,8 +13,9 @@ use vm::persist::{SavedEdit, SavedTree};
 use super::console::Console;
 use super::journal::{At, Journal, Recorded};
 use super::keep::{self, Keeper, Place};
+use super::moment::{Moment, Target};
 use super::records::Records;
-use super::report::{errors, keep_end, motion_costs, report};
+use super::report::{Extra, errors, keep_end, motion_costs, report};
 use super::settings::Settings;
 use super::transform::Rehearsing;
 use super::{Answer, Trouble, files, interrupt, term};
@@ -170,6 +171,8 @@ pub struct Start<'a> {
     pub record: Record,
     /// When to stop.
     pub stop_at: Option<u64>,
+    /// Which moment is looked at.
+    pub to: Option<Target>,
     /// Only look: nothing outside is asked again, and the log is not written.
     pub sealed: bool,
 }
@@ -189,7 +192,7 @@ pub fn run(it: Run) -> Answer {
 
 /// Loads a program, runs it, and reports.
 pub fn perform(job: &Job, show: &Show, start: &Start<'_>) -> Answer {
-    let mut session = Session::new(job.settings.options(term::error_style())?);
+    let mut session = session(job, start)?;
     let loaded = session.load_file(&job.file).map_err(|why| files::unreadable(&job.file, why))?;
     if let Some(recorded) = start.recorded {
         recorded.check_program(&session.files)?;
@@ -202,10 +205,17 @@ pub fn perform(job: &Job, show: &Show, start: &Start<'_>) -> Answer {
     let (keeper, base) = keeper(&mut session, job, call.as_deref(), start)?;
     let rehearsal = match &job.rehearse {
         None => None,
-        Some(wishes) => match super::transform::rehearse(job, show, wishes, base.as_ref())? {
-            Ok(rehearsal) => Some(rehearsal),
-            Err(code) => return Ok(code),
-        },
+        Some(wishes) => {
+            let mut session = self::session(job, start)?;
+            if !wishes.rules.is_empty() {
+                // What is kept with a run is its program, without these.
+                session.files.use_shelf(None);
+            }
+            match super::transform::rehearse(session, job, show, wishes, base.as_ref())? {
+                Ok(rehearsal) => Some(rehearsal),
+                Err(code) => return Ok(code),
+            }
+        }
     };
     if let Some(rehearsal) = &rehearsal {
         if !show.quiet && !show.json {
@@ -219,23 +229,40 @@ pub fn perform(job: &Job, show: &Show, start: &Start<'_>) -> Answer {
         _ => None,
     };
     let records = Records::open(&start.record)?;
-    if records.wanted() {
+    if records.wanted() || start.to.is_some() {
         let world = world::world::World::empty(job.settings.robot.mode(), true);
         *session.machine.world() = Some(Box::new(world));
     }
     let mut console = Console::new(show, journal, keeper);
     let mut ended = run_call(&mut session, loaded, call.as_deref(), start, &mut console);
+    if let Some(missed) = start.to.as_ref().and_then(|to| to.missed(&session)) {
+        console.flush();
+        return Err(missed);
+    }
     if session.log_ended {
         ended = again(&mut session, job, call.as_deref(), start, rehearsal.as_ref())?;
     }
     keep_end(&session, &ended, &mut console);
     let costs = motion_costs(&mut session);
-    let rehearsed = rehearsal.map(|it| it.report);
-    let code = report(&session, &ended, show, &mut console, job, (costs, rehearsed));
+    let stands = start.to.is_some() && matches!(ended, Ended::Stopped);
+    let moment = stands.then(|| Moment::of(&mut session));
+    let extra = Extra { costs, moment, rehearsal: rehearsal.map(|it| it.report) };
+    let code = report(&session, &ended, show, &mut console, job, extra);
     records.write(&mut session, job)?;
     // Freeing a large tree takes longer than leaving that to the system.
     std::mem::forget(session);
     code
+}
+
+/// A session for a run; who only looks takes the program that is kept with it.
+fn session(job: &Job, start: &Start<'_>) -> Result<Session, Trouble> {
+    let style = term::error_style();
+    if !start.sealed {
+        return Ok(Session::new(job.settings.options(style)?));
+    }
+    let mut session = Session::new(job.settings.options_of_replay(style)?);
+    session.files.use_shelf(start.recorded.and_then(Recorded::texts));
+    Ok(session)
 }
 
 /// Makes the session go on with the tree that is meant, and opens the store for writing. Answers that tree, too.
@@ -313,6 +340,9 @@ fn run_call(
     if let Some(recorded) = start.recorded {
         session.replay(recorded.log.clone());
     }
+    if let Some(to) = &start.to {
+        to.set(session);
+    }
     if console.trace {
         session.trace();
     }
@@ -331,7 +361,7 @@ fn again(
 ) -> Result<Ended, Trouble> {
     let log = start.recorded.map(|recorded| recorded.log.clone()).unwrap_or_default();
     let unanswered = session.machine.log.entries.get(log.entries.len()).map_or(0, |entry| entry.step);
-    *session = Session::new(job.settings.options(term::error_style())?);
+    *session = self::session(job, start)?;
     let loaded = session.load_file(&job.file)?;
     if let Some(Recorded { at: At::Store(_, Some(base)), .. }) = start.recorded {
         let path = start.recorded.map(Recorded::path).unwrap_or(Path::new(""));

@@ -76,6 +76,12 @@ impl Robot {
 impl Settings {
     /// As options of a session.
     pub fn options(&self, style: Style) -> Result<Options, Trouble> {
+        self.check_grants()?;
+        self.options_of_replay(style)
+    }
+
+    /// The same where nothing outside is asked: folders that were granted may be gone.
+    pub fn options_of_replay(&self, style: Style) -> Result<Options, Trouble> {
         Ok(Options {
             limits: self.limits(),
             grants: self.grants()?,
@@ -108,6 +114,13 @@ impl Settings {
             grants.allow(text).map_err(|why| {
                 Trouble::new(format!("--allow {text}: {why}"), "for example: --allow read=data")
             })?;
+        }
+        Ok(grants)
+    }
+
+    fn check_grants(&self) -> Result<(), Trouble> {
+        self.grants()?;
+        for text in &self.allow {
             if let Some((_, path)) = text.split_once('=')
                 && !std::path::Path::new(path).exists()
             {
@@ -115,7 +128,7 @@ impl Settings {
                 return Err(Trouble::new(format!("--allow {text}: there is no {path}"), help));
             }
         }
-        Ok(grants)
+        Ok(())
     }
 
     /// For the head of a log: all that was given or is the default.
@@ -154,6 +167,22 @@ pub fn count(text: &str) -> Result<u64, String> {
     text.replace('_', "").parse().map_err(|_| format!("`{text}` is no number from 0 to {}", u64::MAX))
 }
 
+/// Seconds of the task clock, `12.5` or `12.5s`, as nanoseconds.
+pub fn time(text: &str) -> Result<u64, String> {
+    let wrong = || format!("`{text}` is no time: seconds of the task clock, as in 12.5 or 12.5s");
+    let number = text.strip_suffix('s').unwrap_or(text).trim();
+    let (whole, part) = number.split_once('.').unwrap_or((number, "0"));
+    let digits = |text: &str| !text.is_empty() && text.bytes().all(|byte| byte.is_ascii_digit());
+    if !digits(whole) || !digits(part) {
+        return Err(wrong());
+    }
+    // Nobody can tell times apart by more digits than the clock has.
+    let part = format!("{part:0<9}");
+    let seconds: u64 = whole.parse().map_err(|_| wrong())?;
+    let ns: u64 = part[..9].parse().map_err(|_| wrong())?;
+    seconds.checked_mul(1_000_000_000).and_then(|it| it.checked_add(ns)).ok_or_else(wrong)
+}
+
 /// A number of bytes: `1000`, `64K`, `512M`, `2G`; by powers of 1024.
 fn bytes(text: &str) -> Result<u64, String> {
     let unit = text.trim_end_matches(['B', 'b']);
@@ -173,6 +202,17 @@ fn bytes(text: &str) -> Result<u64, String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn times_are_seconds() {
+        assert_eq!(time("12.5s"), Ok(12_500_000_000));
+        assert_eq!(time("0"), Ok(0));
+        assert_eq!(time("1.000000001"), Ok(1_000_000_001));
+        assert_eq!(time("1.0000000019"), Ok(1_000_000_001));
+        for wrong in ["", "s", "-1", "1.", ".5", "1e3", "nan", "99999999999999", "12 ms"] {
+            assert!(time(wrong).is_err(), "{wrong}");
+        }
+    }
 
     #[test]
     fn bytes_have_units() {

@@ -1,26 +1,24 @@
 //! `pleach store`: checks, saves, mends and empties stores.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
-use serde_json::{Value as Json, json};
-use store::{Store, StoreError, VersionRow, Writer};
-use vm::persist::SavedTree;
+use store::{Store, StoreError, VersionRow};
 use vm::show::safe;
 
-use super::{Answer, FAILED, Trouble, count, term};
+use super::{Answer, FAILED, count, term, transfer};
 
 pub const HELP: &str = "\
 Examples:
   pleach store check runs.store                 reads everything and says what is whole
-  pleach store export runs.store trees.json     all trees that are whole, as JSON
-  pleach store import new.store trees.json      the same into a store
+  pleach store export runs.store runs.json      all that is whole, as JSON: trees, runs, logs, programs
+  pleach store import new.store runs.json       the same into a store; what is there already is passed over
   pleach store gc runs.store --keep 3           forgets all but the last 3 versions of each tree
 
-Exit codes: 0 all is well · 1 something is damaged or was left out · 2 it cannot be done.";
+An imported run can be replayed and asked where its program is not, and gone on with where it is. Versions
+keep their numbers unless the store has later ones; runs without --tree get names of their own again.
 
-/// The version of the format of exported trees.
-const EXPORT: u64 = 1;
+Exit codes: 0 all is well · 1 something is damaged or was left out · 2 it cannot be done.";
 
 /// `pleach store`
 #[derive(Args)]
@@ -36,14 +34,14 @@ enum What {
         /// The store
         store: PathBuf,
     },
-    /// Write all trees that are whole into a file, as JSON
+    /// Write all versions that are whole into a file, as JSON, with their runs
     Export {
         /// The store
         store: PathBuf,
         /// The file; it must not be there yet
         file: PathBuf,
     },
-    /// Take exported trees into a store
+    /// Take exported versions into a store
     Import {
         /// The store; it is made if it is not there
         store: PathBuf,
@@ -64,8 +62,8 @@ enum What {
 pub fn run(it: &Command) -> Answer {
     match &it.what {
         What::Check { store } => check(&Store::read(store)?),
-        What::Export { store, file } => export(&Store::read(store)?, file),
-        What::Import { store, file } => import(store, file),
+        What::Export { store, file } => transfer::export(&Store::read(store)?, file),
+        What::Import { store, file } => transfer::import(store, file),
         What::Gc { store, keep } => gc(Store::write(store)?, *keep),
     }
 }
@@ -92,66 +90,6 @@ fn check(store: &Store) -> Answer {
         }
     }
     Ok(if bad > 0 { FAILED } else { 0 })
-}
-
-fn export(store: &Store, file: &Path) -> Answer {
-    let mut versions = Vec::new();
-    let mut left_out = 0;
-    for finding in store.check()? {
-        let version = &finding.version;
-        if let Some(trouble) = finding.trouble {
-            left_out += 1;
-            term::complain(&format!("left out: {trouble}\n"));
-            continue;
-        }
-        let run = store.run(version).ok();
-        let log: Vec<Json> = store.log(version)?.entries.iter().map(|entry| entry.to_json()).collect();
-        versions.push(json!({
-            "tree": version.tree, "version": version.version,
-            "outcome": run.as_ref().map(|run| &run.outcome),
-            "head": run.as_ref().and_then(|run| serde_json::from_str::<Json>(&run.head).ok()),
-            "log": log, "rows": store.tree(version)?.rows(),
-        }));
-    }
-    let text = format!("{}\n", json!({"pleach-trees": EXPORT, "versions": versions}));
-    let made = std::fs::File::create_new(file)
-        .and_then(|mut file| std::io::Write::write_all(&mut file, text.as_bytes()));
-    made.map_err(|error| match error.kind() {
-        std::io::ErrorKind::AlreadyExists => Trouble::new(
-            format!("{} is there already, and is not overwritten", file.display()),
-            "choose another name",
-        ),
-        _ => Trouble::from(format!("cannot write {}: {}", file.display(), pleach::files::why(&error))),
-    })?;
-    term::complain(&format!("{} in {}\n", count(versions.len(), "version"), file.display()));
-    Ok(if left_out > 0 { FAILED } else { 0 })
-}
-
-fn import(path: &Path, file: &Path) -> Answer {
-    let text = std::fs::read_to_string(file).map_err(|error| {
-        Trouble::from(format!("cannot read {}: {}", file.display(), pleach::files::why(&error)))
-    })?;
-    let json: Json = serde_json::from_str(&text).unwrap_or_default();
-    if json["pleach-trees"].as_u64() != Some(EXPORT) {
-        let what = format!("{} holds no exported trees", file.display());
-        return Err(Trouble::new(what, "write some with: pleach store export STORE FILE"));
-    }
-    // All are read before the first is written.
-    let mut trees = Vec::new();
-    for (at, version) in json["versions"].as_array().into_iter().flatten().enumerate() {
-        let name = version["tree"].as_str().unwrap_or_default().to_string();
-        let wrong = |why| Trouble::from(format!("{}: versions[{at}]: {why}", file.display()));
-        let tree = SavedTree::from_rows(&version["rows"]).map_err(wrong)?;
-        if name.is_empty() {
-            return Err(wrong("it has no name".into()));
-        }
-        trees.push((name, tree));
-    }
-    for (name, tree) in &trees {
-        let writer = Writer::put(Store::write(path)?, name, None, tree, "import")?;
-        term::say(&format!("{}@{}\n", safe(&writer.tree), writer.version));
-    }
-    Ok(0)
 }
 
 fn gc(mut from: Store, keep: u64) -> Answer {

@@ -153,7 +153,8 @@ pub fn run(it: &Transform) -> Answer {
     if it.list {
         return list(&job, &wishes, it.json);
     }
-    let rehearsal = match rehearse(&job, &show, &wishes, None)? {
+    let session = Session::new(job.settings.options(term::error_style())?);
+    let rehearsal = match rehearse(session, &job, &show, &wishes, None)? {
         Ok(rehearsal) => rehearsal,
         Err(code) => return Ok(code),
     };
@@ -170,14 +171,14 @@ pub fn run(it: &Transform) -> Answer {
     Ok(if accepted(&rehearsal.report).next().is_some() { 0 } else { FAILED })
 }
 
-/// Rehearses what a job says, in a session of its own; or the exit code of what was said about errors.
+/// Rehearses what a job says, in this session, which is for nothing else; or the exit code of what was said about errors.
 pub fn rehearse(
+    mut session: Session,
     job: &Job,
     show: &Show,
     wishes: &Wishes,
     base: Option<&SavedTree>,
 ) -> Result<Result<Rehearsal, u8>, Trouble> {
-    let mut session = Session::new(job.settings.options(term::error_style())?);
     let loaded = session.load_file(&job.file).map_err(|why| files::unreadable(&job.file, why))?;
     if !loaded.reports.iter().all(Report::is_warning) {
         return Ok(Err(report::errors(&session, &loaded.reports, show)));

@@ -5,9 +5,10 @@ use std::path::PathBuf;
 use clap::Args;
 use serde_json::{Value as Json, json};
 use store::{Store, StoreError, VersionRow};
+use vm::persist::SavedEdit;
 use vm::show::safe;
 
-use super::{Answer, FAILED, Trouble, keep, term};
+use super::{Answer, FAILED, Trouble, html, keep, term};
 
 pub const HELP: &str = "\
 Examples:
@@ -16,11 +17,24 @@ Examples:
   pleach tree runs.store kitchen --version 2         another one; also: kitchen@2, or the number of its run
   pleach tree runs.store kitchen --path 'fetching'   what is at paths that end so, and below
   pleach tree runs.store kitchen --path 'transporting :call 2 / fetching'
+  pleach tree runs.store kitchen --at 12.5           as it was at 12.5 s of the task clock
   pleach tree runs.store --diff kitchen@1 kitchen@2
   pleach tree runs.store kitchen --dot | dot -Tsvg > kitchen.svg
+  pleach tree runs.store kitchen --html > kitchen.html
 
+With --at the tree is shown when all had happened that happened until that time, what happened just
+then included. Tasks that had not begun are left out. Tasks that had not ended are `running`, also
+those that waited, were suspended or deferred; they have parameters, but no value, failure or notes
+yet. Of several attempts those are there that had begun. Edits hold from the beginning of a run. What
+tasks waited for then, values of fluents and the world: pleach replay STORE RUN --to 12.5s
+
+--html is one file without anything from elsewhere, to be opened in a browser: tasks are folded, a
+search opens what it finds, colours are outcomes, bars say when a task ran.
+
+Below the tree its edits are listed, each with who made it, and those that hold no more with the reason.
 With --json stdout is one object: {versions: [{run, tree, version, base, file, plan, seed, outcome, value,
-nodes, edits, steps, clock}]}, {tree: […]} as `pleach run --json` has it, or with --diff {differences:
+nodes, edits, steps, clock}]}, {tree: […], edits: [{edit, origin, orphan}]} with the
+tree as `pleach run --json` has it, or with --diff {differences:
 [{path, kind, fields: {field: [first, second]}}]}, where kind is gone, new or changed.
 Exit codes: 0 shown, or no difference · 1 there are differences · 2 it cannot be shown.";
 
@@ -42,8 +56,11 @@ pub struct Tree {
     /// Only what is at paths that end so: `fetching`, `transporting[*] / fetching`, `a :call 2 / b`
     #[arg(long, value_name = "PATTERN", requires = "name")]
     path: Option<String>,
+    /// As it was then: seconds of the task clock
+    #[arg(long, value_name = "TIME", requires = "name", value_parser = super::settings::time)]
+    at: Option<u64>,
     /// What differs between two versions
-    #[arg(long, num_args = 2, value_names = ["A", "B"], conflicts_with_all = ["name", "dot"])]
+    #[arg(long, num_args = 2, value_names = ["A", "B"], conflicts_with_all = ["name", "dot", "html"])]
     diff: Option<Vec<String>>,
     /// Print JSON
     #[arg(long)]
@@ -51,6 +68,9 @@ pub struct Tree {
     /// Print a graph for Graphviz
     #[arg(long, requires = "name", conflicts_with = "json")]
     dot: bool,
+    /// Print a page for a browser
+    #[arg(long, requires = "name", conflicts_with_all = ["json", "dot"])]
+    html: bool,
     /// Show the whole tree, however large
     #[arg(long)]
     all: bool,
@@ -64,17 +84,28 @@ pub fn run(it: &Tree) -> Answer {
     }
     let Some(name) = &it.name else { return list(&store, it.json) };
     let version = keep::version(&store, Some(name), it.version)?;
-    let mut nodes = nodes(&store, &version)?;
+    let mut nodes = nodes_at(&store, &version, it.at)?;
     if let Some(pattern) = &it.path {
         nodes = below(nodes, pattern)?;
     }
-    match (it.json, it.dot) {
-        (true, _) => term::say(&format!("{}\n", json!({"tree": nodes}))),
-        (_, true) => term::say(&dot(&nodes)),
+    let edits = store.edits(&version)?;
+    match it {
+        Tree { json: true, .. } => {
+            let mut json = json!({"tree": nodes});
+            if !edits.is_empty() {
+                json["edits"] = edits_json(&edits);
+            }
+            term::say(&format!("{json}\n"));
+        }
+        Tree { dot: true, .. } => term::say(&dot(&nodes)),
+        Tree { html: true, .. } => {
+            let (title, about) = (title(&version, it.at), about(&store, &version)?);
+            term::say(&html::page(&title, &about, &nodes, &edit_lines(&edits)));
+        }
         _ => {
             let most = if it.all { usize::MAX } else { MOST_NODES };
             term::say(&term::paint_tree(&text(&nodes, most), term::out_style()));
-            orphans(&store, &version)?;
+            edit_lines(&edits).iter().for_each(|line| term::say(&format!("{}\n", safe(line))));
         }
     }
     Ok(0)
@@ -82,24 +113,60 @@ pub fn run(it: &Tree) -> Answer {
 
 /// The nodes of a stored version.
 pub fn nodes(store: &Store, version: &VersionRow) -> Result<Vec<Json>, Trouble> {
+    nodes_at(store, version, None)
+}
+
+/// The same as it was at a time, in nanoseconds of the task clock.
+fn nodes_at(store: &Store, version: &VersionRow, at_ns: Option<u64>) -> Result<Vec<Json>, Trouble> {
     let wrong = |what| {
         let (path, tree) = (store.path.clone(), version.tree.clone());
         let version = version.version.to_string();
         Trouble::from(StoreError::Damaged { path, tree, version, batch: None, what })
     };
-    match store.tree(version)?.json().map_err(wrong)? {
+    let mut tree = store.tree(version)?;
+    if let Some(at_ns) = at_ns {
+        let last_ns = tree.last_ns();
+        if at_ns > last_ns {
+            let last = vm::show::seconds(last_ns);
+            term::complain(&format!("note: the last task began or ended at {last} s\n"));
+        }
+        tree = tree.at(at_ns);
+    }
+    match tree.json().map_err(wrong)? {
         Json::Array(nodes) => Ok(nodes),
         _ => Ok(Vec::new()),
     }
 }
 
-fn orphans(store: &Store, version: &VersionRow) -> Result<(), Trouble> {
-    for (edit, why) in store.edits(version)? {
-        if let Some(why) = why {
-            term::say(&format!("an edit holds no more: {}\n  {}\n", safe(&edit.edit), safe(&why)));
+/// A line for each edit, with who made it; those that hold no more have a reason.
+fn edit_lines(edits: &[(SavedEdit, Option<String>)]) -> Vec<String> {
+    let line = |(edit, orphan): &(SavedEdit, Option<String>)| match orphan {
+        None => format!("edit {} by {}", edit.edit, edit.origin),
+        Some(why) => format!("an edit holds no more: {} by {}: {why}", edit.edit, edit.origin),
+    };
+    edits.iter().map(line).collect()
+}
+
+fn edits_json(edits: &[(SavedEdit, Option<String>)]) -> Json {
+    let json = |(it, orphan): &(SavedEdit, Option<String>)| json!({"edit": it.edit, "origin": it.origin, "orphan": orphan});
+    edits.iter().map(json).collect()
+}
+
+fn title(version: &VersionRow, at_ns: Option<u64>) -> String {
+    let at = at_ns.map_or_else(String::new, |at| format!(" at {} s", vm::show::seconds(at)));
+    format!("{}@{}{at}", version.tree, version.version)
+}
+
+/// What is known of the run of a version, in a line.
+fn about(store: &Store, version: &VersionRow) -> Result<String, Trouble> {
+    Ok(match store.run(version) {
+        Ok(run) => {
+            let plan = run.plan.unwrap_or_default();
+            format!("run {} of {} {plan}: {}, seed {}", version.id, run.file, run.outcome, run.seed)
         }
-    }
-    Ok(())
+        Err(StoreError::Missing { .. }) => "saved by a program or imported".into(),
+        Err(error) => return Err(error.into()),
+    })
 }
 
 /// All versions.
@@ -231,10 +298,12 @@ fn line(node: &Json) -> String {
     if let Some(attempt) = node["attempt"].as_u64().filter(|attempt| *attempt > 1) {
         line += &format!(", attempt {attempt}");
     }
-    if let (Some(start), Some(end)) = (node["start"].as_f64(), node["end"].as_f64())
-        && start != end
-    {
-        line += &format!("  [{start} – {end} s]");
+    match (node["start"].as_f64(), node["end"].as_f64()) {
+        (Some(start), Some(end)) if start != end => {
+            line += &format!("  [{start} – {end} s, {} s]", took(start, end));
+        }
+        (Some(start), None) => line += &format!("  [since {start} s]"),
+        _ => {}
     }
     for note in node["notes"].as_array().into_iter().flatten().filter_map(Json::as_str) {
         line += &format!("  ({note})");
@@ -245,6 +314,11 @@ fn line(node: &Json) -> String {
 /// A whole tree, a line for each node.
 pub fn outline(nodes: &Json) -> String {
     text(nodes.as_array().map_or(&[], Vec::as_slice), MOST_NODES)
+}
+
+/// How long, in seconds; without the errors that a difference of two numbers has.
+fn took(start: f64, end: f64) -> f64 {
+    ((end - start) * 1e9).round() / 1e9
 }
 
 /// A line for each node.

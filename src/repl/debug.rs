@@ -5,10 +5,9 @@
 
 use vm::code::FnId;
 use vm::path::PathEnd;
-use vm::value::Value;
 
 use super::{Prompt, Screen};
-use crate::cli::{report, term};
+use crate::cli::{moment, report, term};
 
 /// Something that was typed and ran.
 #[derive(Debug, Clone)]
@@ -137,28 +136,19 @@ impl Prompt {
 
     /// `:tasks`
     pub fn tasks(&self) {
-        let tasks = self.stopped.as_ref().map_or_else(Vec::new, |_| self.session.machine.tasks());
-        for (path, what) in &tasks {
-            term::say(&format!("{} {what}\n", path.show()));
-        }
-        if tasks.is_empty() {
-            term::say("no task runs\n");
-        }
+        let tasks = self.stopped.as_ref().map_or_else(Vec::new, |_| moment::tasks(&self.session));
+        say_lines(moment::task_lines(&tasks), "no task runs");
     }
 
     /// `:fluents`
     pub fn fluents(&self) {
-        let found = self.session.machine.fluents();
-        for (name, fluent) in &found {
-            let name = name.map_or_else(String::new, |name| format!("{name} "));
-            let value = match fluent.obj() {
-                Some(vm::value::Obj::Fluent(it)) => it.value(),
-                _ => Value::NIL,
-            };
-            term::say(&format!("{name}{} holds {}\n", self.text(fluent), self.text(&value)));
-        }
-        if found.is_empty() {
-            term::say("no fluent is in use\n");
-        }
+        say_lines(moment::fluent_lines(&moment::fluents(&self.session)), "no fluent is in use");
     }
+}
+
+fn say_lines(lines: Vec<String>, none: &str) {
+    if lines.is_empty() {
+        term::say(&format!("{none}\n"));
+    }
+    lines.iter().for_each(|line| term::say(&format!("{line}\n")));
 }

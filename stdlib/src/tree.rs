@@ -15,7 +15,7 @@ use crate::table::natives;
 natives! {
     "run-plan" [1 ..] in ctx => run_plan;
     "project" [1 ..] in ctx => project;
-    "edit-tree" [2] in ctx => edit_tree;
+    "edit-tree" [2 ..] in ctx => edit_tree;
     "without-edits" [1] => |args: &[Value]| Ok(Value::new(Obj::Tree(Rc::new(tree(&args[0])?.without_edits()))));
     "tree-world?" [1] => |args: &[Value]| Ok(Value::bool(tree(&args[0])?.world.is_some()));
     "edit-path" [1] => |args: &[Value]| Ok(Value::new(Obj::Path(Box::new(an_edit(&args[0])?.at.clone()))));
@@ -106,14 +106,16 @@ fn run(args: &[Value], projected: bool) -> Result<Next, Raise> {
 }
 
 fn edit_tree(_: &mut Ctx<'_>, args: &[Value]) -> Result<Next, Raise> {
-    Ok(Next::EditTree { tree: args[0].clone(), edits: args[1].clone() })
+    let origin = find(&keywords(&args[2..], &["origin"])?, "origin").map(text_or_symbol).transpose()?;
+    let origin = origin.unwrap_or_default();
+    Ok(Next::EditTree { tree: args[0].clone(), edits: args[1].clone(), origin })
 }
 
 // ---------------------------------------------------------------------------------------------
 // In a store
 
-/// The name of a tree: a symbol or a text.
-fn tree_name(value: &Value) -> Result<String, Raise> {
+/// A symbol or a text, as a text.
+fn text_or_symbol(value: &Value) -> Result<String, Raise> {
     match value.as_symbol() {
         Some(name) => Ok(name.to_string()),
         None => Ok(vm::native::str(value)?.to_string()),
@@ -128,12 +130,12 @@ fn load_tree(_: &mut Ctx<'_>, args: &[Value]) -> Result<Next, Raise> {
         Some(version) => Some(version.as_int().ok_or_else(|| type_error("a number of a version", version))?),
     };
     let store = vm::native::str(&args[0])?.into();
-    Ok(Next::Ask(Request::LoadTree { store, tree: tree_name(&args[1])?, version }))
+    Ok(Next::Ask(Request::LoadTree { store, tree: text_or_symbol(&args[1])?, version }))
 }
 
 /// The host answers with the number of the version.
 fn save_tree(ctx: &mut Ctx<'_>, args: &[Value]) -> Result<Next, Raise> {
-    let (store, name) = (vm::native::str(&args[0])?.into(), tree_name(&args[1])?);
+    let (store, name) = (vm::native::str(&args[0])?.into(), text_or_symbol(&args[1])?);
     if !vm::persist::is_tree_name(&name) {
         return Err(range_error("a tree has a name that is no number and has no `@` in it", &args[1]));
     }
@@ -144,7 +146,7 @@ fn save_tree(ctx: &mut Ctx<'_>, args: &[Value]) -> Result<Next, Raise> {
 /// The host answers with a list of numbers.
 fn versions(_: &mut Ctx<'_>, args: &[Value]) -> Result<Next, Raise> {
     let store = vm::native::str(&args[0])?.into();
-    Ok(Next::Ask(Request::Versions { store, tree: tree_name(&args[1])? }))
+    Ok(Next::Ask(Request::Versions { store, tree: text_or_symbol(&args[1])? }))
 }
 
 fn diff_trees(ctx: &mut Ctx<'_>, args: &[Value]) -> Result<Next, Raise> {

@@ -157,7 +157,7 @@ Usage: pleach <COMMAND>
 Commands:
   run        Run a plan file, then show the tree of its tasks
   resume     Go on with a run that was stopped or killed, from its log or a store
-  replay     Run again from a log or a store, as far as a step, and show where the program stands
+  replay     Run again from a log or a store, as far as a moment, and show that moment
   query      Ask the rules of a file, over its facts and over task trees
   tree       Look at the trees of a store: list, show, compare
   transform  Rehearse a plan, and rewrite it where that pays

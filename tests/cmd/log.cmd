@@ -37,6 +37,8 @@ top-level  running
 stopped at step 12, 0 s of the task clock
   in plan main at main.plan:3:3
   in file top-level at the call of the plan:1:1
+tasks
+  top-level / main runs
 --- exit 0
 $ pleach resume run.log --quiet
 milk, tea

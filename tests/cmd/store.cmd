@@ -91,9 +91,9 @@ kitchen@2
 --- exit 0
 $ pleach tree b.store
   run  tree                     outcome          nodes  edits  file
-    1  run-1@1                  saved                5      0
-    2  kitchen@1                saved                5      0
-    3  kitchen@2                saved                4      0
+    1  run-1@1                  succeeded            5      0  wash.plan main
+    2  kitchen@1                succeeded            5      0  wash.plan main
+    3  kitchen@2                succeeded            4      0  wash.plan main
 --- exit 0
 $ pleach store gc a.store --keep 1
 0 versions forgotten, 3 left

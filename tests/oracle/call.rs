@@ -177,7 +177,7 @@ impl<'p> Oracle<'_, 'p> {
                 self.run_plan(here, &plan, args, tree)
             }
             Ok(Next::RunPlan { .. }) => Err(Exit::GiveUp("the oracle does not rehearse".into())),
-            Ok(Next::EditTree { tree, edits }) => self.edit_tree(here, &tree, &edits),
+            Ok(Next::EditTree { tree, edits, .. }) => self.edit_tree(here, &tree, &edits),
             Ok(Next::Sleep(ns)) => self.sleep(here, ns),
             Ok(Next::Task(op)) => self.task_op(here, op),
             Ok(Next::Ask(_)) => Err(Exit::GiveUp("the oracle has no world to ask".into())),

@@ -217,6 +217,7 @@ impl Tree {
     pub fn add_edit(&mut self, slot: usize, accepted: Accepted) {
         let (edit, code) = (Rc::new(accepted.edit.clone()), accepted.code.map(|(id, _)| id));
         let mirror = vm::edit::Accepted {
+            origin: "".into(),
             edit,
             callee: accepted.callee,
             plan: None,

@@ -97,4 +97,6 @@ pub struct Accepted {
     pub after: Vec<SlotId>,
     /// For slots in another round of a loop: the rounds that stood between when the edit was made.
     pub between: std::collections::BTreeMap<SlotId, Vec<crate::key::Step>>,
+    /// Who made it, in words for people; empty if nobody has said so.
+    pub origin: Rc<str>,
 }

@@ -113,6 +113,8 @@ pub enum Next {
         tree: Value,
         /// A list of edits.
         edits: Value,
+        /// Who made them, in words for people.
+        origin: String,
     },
 }
 

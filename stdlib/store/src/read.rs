@@ -353,10 +353,10 @@ impl Store {
                     edit: row.get(2)?,
                     callee: row.get(3)?,
                     after: row.get(4)?,
+                    origin: row.get(5)?,
                 };
-                let (origin, orphan): (String, Option<String>) = (row.get(5)?, row.get(6)?);
-                let fits =
-                    edit_sum(of.id, number, &edit, &origin, orphan.as_deref()) == row.get::<_, i64>(7)?;
+                let orphan: Option<String> = row.get(6)?;
+                let fits = edit_sum(of.id, number, &edit, orphan.as_deref()) == row.get::<_, i64>(7)?;
                 Ok((number, (edit, orphan), fits))
             })?;
             let rows: rusqlite::Result<Vec<_>> = rows.collect();

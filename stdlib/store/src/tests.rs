@@ -69,6 +69,7 @@ fn tree(calls: u32, word: &str) -> SavedTree {
         edit: "(skip (path main fetching))".into(),
         callee: "fetching".into(),
         after: String::new(),
+        origin: "program wash.plan".into(),
     });
     tree
 }

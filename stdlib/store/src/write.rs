@@ -7,16 +7,17 @@ use std::cell::Cell;
 
 use rusqlite::params;
 use vm::code::Program;
-use vm::log::Entry;
+use vm::log::{Entry, Log};
 use vm::persist::{self, SavedEdit, SavedRecord, SavedSlot, SavedTree};
 use vm::tree::{RecId, Tree};
 
 use crate::error::StoreError;
 use crate::open::Store;
+use crate::read::RunRow;
 use crate::sum::Sum;
 
 /// A file of a program.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Source {
     /// Its name.
     pub file: String,
@@ -51,6 +52,42 @@ pub struct Begin {
     pub head: String,
     /// Edits of the version that it goes on with that hold no more, each with the reason.
     pub orphans: Vec<(SavedEdit, String)>,
+}
+
+/// A version that another store has had.
+#[derive(Debug, Clone, Default)]
+pub struct Import {
+    /// The tree; nothing for one of its own.
+    pub tree: Option<String>,
+    /// Its version there. It is kept unless there is a later one here.
+    pub version: i64,
+    /// The version that it goes on with, by its number here.
+    pub base: Option<i64>,
+    /// Its rows.
+    pub saved: SavedTree,
+    /// Edits that hold no more, each with the reason.
+    pub orphans: Vec<(SavedEdit, String)>,
+    /// The run that made it.
+    pub run: Option<RunRow>,
+    /// The files of its program.
+    pub sources: Vec<Source>,
+    /// The log of the run.
+    pub log: Log,
+    /// Fuel that it used.
+    pub steps: u64,
+}
+
+fn begin_of(run: &RunRow) -> Begin {
+    Begin {
+        file: run.file.clone(),
+        plan: run.plan.clone(),
+        program: run.program.clone(),
+        seed: run.seed.parse().unwrap_or_default(),
+        schedule: run.schedule.parse().unwrap_or_default(),
+        robot: run.robot.clone(),
+        head: run.head.clone(),
+        ..Begin::default()
+    }
 }
 
 /// Writes a version of a tree.
@@ -119,7 +156,7 @@ impl Writer {
             for (number, (edit, why)) in (1..).zip(&orphans) {
                 // Numbers below 0, so that those of the edits that hold have no gaps.
                 let edit = SavedEdit { number: 0, ..edit.clone() };
-                it.write_edit(-number, &edit, "base", Some(why))?;
+                it.write_edit(-number, &edit, Some(why))?;
             }
             it.write_version(0)
         })?;
@@ -159,17 +196,7 @@ impl Writer {
         let store = Store::write(path)?;
         let row = store.version_by_id(id)?;
         let run = store.run(&row)?;
-        let begin = Begin {
-            file: run.file,
-            plan: run.plan,
-            program: run.program,
-            seed: run.seed.parse().unwrap_or_default(),
-            schedule: run.schedule.parse().unwrap_or_default(),
-            robot: run.robot,
-            head: run.head,
-            ..Begin::default()
-        };
-        let mut writer = Writer::new(store, id, row.tree, row.version, row.base, begin);
+        let mut writer = Writer::new(store, id, row.tree, row.version, row.base, begin_of(&run));
         (writer.batches, writer.entries) = (row.batches, row.entries);
         writer.least = (row.slots, row.records, row.edits, row.steps);
         writer.silent_until = row.steps as u64;
@@ -279,10 +306,55 @@ impl Writer {
         writer.in_batch(|it| {
             saved.slots.iter().try_for_each(|row| it.write_slot(row))?;
             saved.records.iter().try_for_each(|row| it.write_record(row))?;
-            saved.edits.iter().try_for_each(|row| it.write_edit(i64::from(row.number), row, origin, None))?;
+            for row in &saved.edits {
+                it.write_edit(i64::from(row.number), &made_by(row, origin), None)?;
+            }
             (it.slots, it.records) = (saved.slots.len() as u32, saved.records.len() as u32);
             it.edits = saved.edits.len() as i64;
             it.write_version(0)
+        })?;
+        Ok(writer)
+    }
+
+    /// Writes a version that another store has had, with its run.
+    ///
+    /// # Errors
+    /// The store cannot be written.
+    pub fn import(store: Store, it: &Import) -> Result<Writer, StoreError> {
+        let count = |select: &str, tree: &str| {
+            let number = if tree.is_empty() {
+                store.db.query_row(select, [], |row| row.get(0))
+            } else {
+                store.db.query_row(select, [tree], |row| row.get(0))
+            };
+            number.map_err(|error| store.error(&error))
+        };
+        let next: i64 = count("SELECT coalesce(max(id), 0) + 1 FROM versions", "")?;
+        let tree = it.tree.clone().unwrap_or_else(|| own_name(next));
+        let last: i64 = count("SELECT coalesce(max(version), 0) FROM versions WHERE tree = ?", &tree)?;
+        let begin = it
+            .run
+            .as_ref()
+            .map_or_else(Begin::default, |run| Begin { sources: it.sources.clone(), ..begin_of(run) });
+        let mut writer = Writer::new(store, next, tree, it.version.max(last + 1), it.base, begin);
+        writer.pending.clone_from(&it.log.entries);
+        writer.in_batch(|to| {
+            if let Some(run) = &it.run {
+                to.write_program()?;
+                to.write_run(&run.outcome, run.value.as_deref(), run.clock_ns as u64)?;
+            }
+            to.write_entries()?;
+            it.saved.slots.iter().try_for_each(|row| to.write_slot(row))?;
+            it.saved.records.iter().try_for_each(|row| to.write_record(row))?;
+            for row in &it.saved.edits {
+                to.write_edit(i64::from(row.number), row, None)?;
+            }
+            for (number, (edit, why)) in (1..).zip(&it.orphans) {
+                to.write_edit(-number, edit, Some(why))?;
+            }
+            (to.slots, to.records) = (it.saved.slots.len() as u32, it.saved.records.len() as u32);
+            to.edits = it.saved.edits.len() as i64;
+            to.write_version(it.steps)
         })?;
         Ok(writer)
     }
@@ -419,7 +491,7 @@ impl Writer {
         if self.edits == 0 && !tree.edits.is_empty() {
             for edit in persist::edits(program, tree) {
                 self.edits += 1;
-                self.write_edit(i64::from(edit.number), &edit, "base", None)?;
+                self.write_edit(i64::from(edit.number), &made_by(&edit, "base"), None)?;
             }
         }
         Ok(())
@@ -506,18 +578,12 @@ impl Writer {
         )
     }
 
-    fn write_edit(
-        &mut self,
-        number: i64,
-        row: &SavedEdit,
-        origin: &str,
-        orphan: Option<&str>,
-    ) -> rusqlite::Result<()> {
-        let sum = edit_sum(self.id, number, row, origin, orphan);
+    fn write_edit(&mut self, number: i64, row: &SavedEdit, orphan: Option<&str>) -> rusqlite::Result<()> {
+        let sum = edit_sum(self.id, number, row, orphan);
         let id = self.id;
         self.execute(
             "INSERT OR REPLACE INTO edits VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)",
-            params![id, number, row.slot, row.edit, row.callee, row.after, origin, orphan, sum],
+            params![id, number, row.slot, row.edit, row.callee, row.after, row.origin, orphan, sum],
         )
     }
 }
@@ -535,7 +601,13 @@ pub(crate) fn record_sum(id: i64, row: &SavedRecord) -> i64 {
     sum.maybe(row.more.as_deref()).end()
 }
 
-pub(crate) fn edit_sum(id: i64, number: i64, row: &SavedEdit, origin: &str, orphan: Option<&str>) -> i64 {
+/// An edit of which nobody has said who made it is said to be made by this.
+fn made_by(row: &SavedEdit, origin: &str) -> SavedEdit {
+    let origin = if row.origin.is_empty() { origin } else { &row.origin };
+    SavedEdit { origin: origin.into(), ..row.clone() }
+}
+
+pub(crate) fn edit_sum(id: i64, number: i64, row: &SavedEdit, orphan: Option<&str>) -> i64 {
     let sum = Sum::of("edits").number(id).number(number).number(row.slot.into()).text(&row.edit);
-    sum.text(&row.callee).text(&row.after).text(origin).maybe(orphan).end()
+    sum.text(&row.callee).text(&row.after).text(&row.origin).maybe(orphan).end()
 }

@@ -463,6 +463,14 @@ impl World {
         };
     }
 
+    /// Motions that go on: what was wanted if that is recorded, how the state changes, when it began, how long it
+    /// lasts in seconds.
+    pub(crate) fn going_on(&self) -> impl Iterator<Item = (Option<&Motion>, &motions::Track, u64, f64)> {
+        self.running
+            .values()
+            .map(|it| (it.motion.as_ref(), &it.outcome.track, it.began_ns, it.outcome.duration_s))
+    }
+
     /// How a motion has ended, once.
     pub fn take_end(&mut self, number: u64) -> Option<Ended> {
         self.ended.remove(&number)

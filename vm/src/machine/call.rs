@@ -488,8 +488,8 @@ impl Machine {
                 let order = super::drive::Order { plan, args, tree, seed, projected };
                 self.run_plan(host, d, order)
             }
-            Next::EditTree { tree, edits } => {
-                let tree = self.edit_tree(host, &tree, &edits)?;
+            Next::EditTree { tree, edits, origin } => {
+                let tree = self.edit_tree(host, &tree, &edits, &origin)?;
                 self.put(d, tree)
             }
         }

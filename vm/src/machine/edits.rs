@@ -15,12 +15,13 @@ use crate::value::{Obj, Symbol, Value};
 use super::Machine;
 
 impl Machine {
-    /// `(edit-tree tree edits)`: all edits or none.
+    /// `(edit-tree tree edits :origin origin)`: all edits or none.
     pub(super) fn edit_tree(
         &mut self,
         host: &mut dyn Host,
         tree: &Value,
         edits: &Value,
+        origin: &str,
     ) -> Result<Value, Raise> {
         let mut tree = Tree::clone(tree.as_tree().ok_or_else(|| type_error("a tree", tree))?);
         let mut refused = Vec::new();
@@ -32,7 +33,13 @@ impl Machine {
                     let why = format!("{} would wait for itself", Path::of(&tree, slot).show());
                     refused.push((value, why));
                 }
-                Ok((slot, accepted)) => drop(tree.add_edit(slot, accepted)),
+                Ok((slot, accepted)) => {
+                    let origin = match (origin, edit.by) {
+                        ("", Some(by)) => format!("transformation {by}").into(),
+                        (origin, _) => origin.into(),
+                    };
+                    tree.add_edit(slot, Accepted { origin, ..accepted });
+                }
                 Err(why) => refused.push((value, why)),
             }
         }
@@ -152,7 +159,13 @@ impl Machine {
             ..(**edit).clone()
         };
         let (_, accepted) = self.accept_at(host, &ran.tree, slot, &alone)?;
-        Ok(Accepted { edit: Rc::new((**edit).clone()), after, between, ..accepted })
+        Ok(Accepted {
+            edit: Rc::new((**edit).clone()),
+            after,
+            between,
+            origin: it.origin.as_str().into(),
+            ..accepted
+        })
     }
 
     /// The same where the place is known.
@@ -196,7 +209,10 @@ impl Machine {
             .iter()
             .filter_map(|q| Some((*q, super::obligation::between(&self.program, tree, slot, *q)?)));
         let between = between.collect();
-        Ok((slot, Accepted { edit: Rc::new(edit.clone()), callee, plan, code, after, between }))
+        Ok((
+            slot,
+            Accepted { edit: Rc::new(edit.clone()), callee, plan, code, after, between, origin: "".into() },
+        ))
     }
 
     /// The function in whose module the code of an edit means what its words mean: that which defines the transformation

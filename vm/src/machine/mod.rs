@@ -275,6 +275,10 @@ pub struct Machine {
     broke: Option<crate::tree::SlotId>,
     /// The host has stopped the run while time was to pass.
     halted: bool,
+    /// The clock of the outermost run goes no further than this, in nanoseconds.
+    clock_end: Option<u64>,
+    /// It has come to there.
+    clock_ended: bool,
     /// Fuel of computing fluents that has not been counted yet.
     beside: u64,
     /// Where derived fluents are computed.
@@ -310,6 +314,8 @@ impl Machine {
             breaks: Vec::new(),
             broke: None,
             halted: false,
+            clock_end: None,
+            clock_ended: false,
             beside: 0,
             scratch: None,
             inner_runs: 0,
@@ -326,6 +332,23 @@ impl Machine {
     pub fn break_at(&mut self, breaks: Vec<PathEnd>) {
         self.breaks = breaks;
         self.look_at_starts();
+    }
+
+    /// The run stops when all that happens until this time of the task clock, in nanoseconds, has happened.
+    pub fn stop_clock_at(&mut self, ns: u64) {
+        self.clock_end = Some(ns);
+    }
+
+    /// True if the run has been stopped by [`Machine::stop_clock_at`].
+    #[must_use]
+    pub fn is_at_end_of_clock(&self) -> bool {
+        self.clock_ended
+    }
+
+    /// True while a run inside of the outermost goes on.
+    #[must_use]
+    pub fn is_inside(&self) -> bool {
+        self.runs.len() > 1
     }
 
     /// Plan calls take the long way if somebody wants to know of them.

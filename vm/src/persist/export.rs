@@ -29,7 +29,7 @@ impl SavedTree {
                 it.more
             ])
         });
-        let edits = self.edits.iter().map(|it| json!([it.number, it.slot, it.edit, it.callee, it.after]));
+        let edits = self.edits.iter().map(SavedEdit::row);
         json!({
             "slots": slots.collect::<Json>(),
             "records": records.collect::<Json>(),
@@ -47,8 +47,6 @@ impl SavedTree {
             let row = |(at, json)| row(json).ok_or_else(|| format!("{key}[{at}] is no row of them"));
             rows.iter().enumerate().map(row).collect()
         }
-        let number = |json: &Json, at: usize| u32::try_from(json.get(at)?.as_u64()?).ok();
-        let text = |json: &Json, at: usize| json.get(at)?.as_str().map(str::to_string);
         // Nothing for what is no text, and nothing inside for what is not there.
         let maybe = |json: &Json, at: usize| match json.get(at)? {
             Json::Null => Some(None),
@@ -82,21 +80,46 @@ impl SavedTree {
                 more: maybe(it, 12)?,
             })
         };
-        let edit = |it: &Json| {
-            Some(SavedEdit {
-                number: number(it, 0)?,
-                slot: number(it, 1)?,
-                edit: text(it, 2)?,
-                callee: text(it, 3)?,
-                after: text(it, 4)?,
-            })
-        };
         let tree = SavedTree {
             slots: rows(json, "slots", slot)?,
             records: rows(json, "records", record)?,
-            edits: rows(json, "edits", edit)?,
+            edits: rows(json, "edits", SavedEdit::from_row)?,
         };
         tree.places()?;
-        Ok(tree)
+        let known = 1..=tree.slots.len();
+        match tree.edits.iter().position(|it| !known.contains(&(it.slot as usize))) {
+            Some(at) => Err(format!("edits[{at}] is about a slot that is not there")),
+            None => Ok(tree),
+        }
     }
+}
+
+impl SavedEdit {
+    /// The edit as a JSON list.
+    #[must_use]
+    pub fn row(&self) -> Json {
+        json!([self.number, self.slot, self.edit, self.callee, self.after, self.origin])
+    }
+
+    /// The way back of [`SavedEdit::row`].
+    #[must_use]
+    pub fn from_row(it: &Json) -> Option<SavedEdit> {
+        Some(SavedEdit {
+            number: number(it, 0)?,
+            slot: number(it, 1)?,
+            edit: text(it, 2)?,
+            callee: text(it, 3)?,
+            after: text(it, 4)?,
+            // In logs of older versions edits do not say who made them.
+            origin: text(it, 5).unwrap_or_default(),
+        })
+    }
+}
+
+fn number(json: &Json, at: usize) -> Option<u32> {
+    u32::try_from(json.get(at)?.as_u64()?).ok()
+}
+
+fn text(json: &Json, at: usize) -> Option<String> {
+    json.get(at)?.as_str().map(str::to_string)
 }

@@ -5,6 +5,7 @@
 //! a change: what is not found there any more is left out and listed. No input or output is done here; how
 //! a text becomes a value is handed in.
 
+mod at;
 mod back;
 mod diff;
 mod export;
@@ -81,6 +82,8 @@ pub struct SavedEdit {
     pub callee: String,
     /// The slots that it waits for, with the rounds that stood between, as JSON; empty for none.
     pub after: String,
+    /// Who made it, in words; empty if nobody has said so.
+    pub origin: String,
 }
 
 /// All of a tree.

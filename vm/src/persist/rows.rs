@@ -120,6 +120,7 @@ pub fn edits(program: &Program, tree: &Tree) -> Vec<SavedEdit> {
                 edit: text(program, &Value::new(Obj::Edit(Box::new((*it.edit).clone())))),
                 callee: it.callee.to_string(),
                 after: if it.after.is_empty() { String::new() } else { after.collect::<Json>().to_string() },
+                origin: it.origin.to_string(),
             });
         }
     }

@@ -79,7 +79,7 @@ fn rounded(number: f64) -> f64 {
     libm::round(number * 1e6) / 1e6 + 0.0
 }
 
-fn number(number: f64) -> Json {
+pub(super) fn number(number: f64) -> Json {
     json!(rounded(number))
 }
 
@@ -88,7 +88,7 @@ pub(super) fn pose_numbers(pose: &Isometry3<f64>) -> [f64; 7] {
     [t.x, t.y, t.z, q.i, q.j, q.k, q.w].map(rounded)
 }
 
-fn pose(pose: &Isometry3<f64>) -> Json {
+pub(super) fn pose(pose: &Isometry3<f64>) -> Json {
     json!(pose_numbers(pose))
 }
 
@@ -96,7 +96,7 @@ fn vector(vector: &Vector3<f64>) -> Json {
     json!([vector.x, vector.y, vector.z].map(rounded))
 }
 
-fn named<T>(items: impl Iterator<Item = (String, T)>, value: impl Fn(T) -> Json) -> Json {
+pub(super) fn named<T>(items: impl Iterator<Item = (String, T)>, value: impl Fn(T) -> Json) -> Json {
     Json::Object(items.map(|(name, it)| (name, value(it))).collect())
 }
 
@@ -136,16 +136,19 @@ fn hands(it: &Episode) -> Json {
     for step in &it.steps {
         if step.after.hands != last {
             last = step.after.hands.clone();
-            let state = &step.after;
-            let held = last.iter().map(|(arm, grip)| (state.support_name(Support::Hand(*arm)), *grip));
-            let what = |grip: Grip| match grip {
-                Grip::Object(object, _) => json!(state.setting.scene.objects[object.0].name),
-                Grip::Handle(container) => json!(state.setting.container(container).name),
-            };
-            changes.push(json!({"at": number(seconds(step.at_ns)), "hold": named(held, what)}));
+            changes.push(json!({"at": number(seconds(step.at_ns)), "hold": held(&step.after)}));
         }
     }
     json!(changes)
+}
+
+/// What hands hold.
+pub(super) fn held(state: &State) -> Json {
+    let held = state.hands.iter().map(|(arm, grip)| (state.support_name(Support::Hand(*arm)), *grip));
+    named(held, |grip| match grip {
+        Grip::Object(object, _) => json!(state.setting.scene.objects[object.0].name),
+        Grip::Handle(container) => json!(state.setting.container(container).name),
+    })
 }
 
 /// Changes that no motion made.
@@ -155,17 +158,17 @@ fn put(it: &Episode) -> Json {
 }
 
 fn start_json(state: &State) -> Json {
-    let joints = state.machine().map_or_else(
-        || json!({}),
-        |machine| {
-            let values = machine.robot.variables().iter().zip(state.joints.iter());
-            named(values.map(|(it, value)| (joint_name(&machine.robot, it.joint.0), value)), |it| number(*it))
-        },
-    );
+    let joints = state.machine().map_or_else(|| json!({}), |machine| joints(state, &machine.robot));
     json!({"base": pose(&state.base), "joints": joints, "containers": openings(state)})
 }
 
-fn openings(state: &State) -> Json {
+/// The configuration of a robot.
+pub(super) fn joints(state: &State, robot: &Robot) -> Json {
+    let values = robot.variables().iter().zip(state.joints.iter());
+    named(values.map(|(it, value)| (joint_name(robot, it.joint.0), *value)), number)
+}
+
+pub(super) fn openings(state: &State) -> Json {
     let all = (0..state.setting.scene.containers.len()).map(ContainerId);
     named(all.map(|id| (state.setting.container(id).name.clone(), id)), |id| number(state.opening(id)))
 }

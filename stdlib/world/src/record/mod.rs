@@ -1,4 +1,4 @@
-//! What happened in a world: for a viewer ([`json`]) and for a person ([`picture`]).
+//! What happened in a world: for a viewer ([`json`]) and for a person ([`picture`]); and how it is ([`moment`]).
 //!
 //! A [`Recording`] keeps the states that the world went through and the tracks that led from one to
 //! the next; both writers play them again. States are persistent, so keeping them costs little.
@@ -10,6 +10,7 @@
 //! 2. The same run gives the same bytes.
 
 pub mod json;
+pub mod moment;
 pub mod picture;
 mod svg;
 

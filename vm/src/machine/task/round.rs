@@ -189,17 +189,22 @@ impl Machine {
         let next = run.tasks.next_timer();
         if busy {
             let later = run.now + QUANTUM_NS;
-            run.now = next.filter(|at| *at > run.now).map_or(later, |at| at.min(later));
+            let later = next.filter(|at| *at > run.now).map_or(later, |at| at.min(later));
+            if self.ends_before(later) {
+                self.top().tasks.busy = true;
+                return None;
+            }
+            self.top().now = later;
         } else if run.tasks.ready.is_empty() && run.tasks.asked.is_empty() {
             match next {
                 Some(at) => {
                     let now = run.now;
+                    if self.ends_before(at) {
+                        return None;
+                    }
                     // What is in the log has been waited for.
                     if !self.log.is_replaying() && !host.pass(at.saturating_sub(now)) {
-                        // The round has not ended: it does so when the run goes on.
-                        self.round -= 1;
-                        self.top().tasks.rounds -= 1;
-                        self.halted = true;
+                        self.halt_in_round();
                         return None;
                     }
                     self.top().now = now.max(at);
@@ -225,6 +230,24 @@ impl Machine {
         let order = (self.schedule != 0).then_some((self.schedule, self.round));
         self.top().tasks.begin_round(order);
         None
+    }
+
+    /// The run is stopped between two rounds: this one does not end before it goes on.
+    fn halt_in_round(&mut self) {
+        self.round -= 1;
+        self.top().tasks.rounds -= 1;
+        self.halted = true;
+    }
+
+    /// True if the clock of the outermost run is to stop before this time. It stands at its end then.
+    fn ends_before(&mut self, next: u64) -> bool {
+        let Some(end) = self.clock_end.filter(|end| *end < next && self.runs.len() == 1) else {
+            return false;
+        };
+        self.top().now = self.top().now.max(end);
+        self.clock_ended = true;
+        self.halt_in_round();
+        true
     }
 
     /// Answers what the tasks asked in this round, from the log or from the host: one entry of the log.
