@@ -160,12 +160,13 @@ impl Session {
         crate::import::tree(text, &self.machine.program.failures).map(Rc::new)
     }
 
-    /// The same for the list of nodes that such a file has.
+    /// The same for a tree that a store has kept.
     ///
     /// # Errors
-    /// A sentence that says what is wrong with it, and where.
-    pub fn tree_of_nodes(&self, nodes: &serde_json::Value) -> Result<Rc<TreeView>, String> {
-        crate::import::tree_of(nodes, &self.machine.program.failures).map(Rc::new)
+    /// A sentence that says which of its rows does not fit to the others.
+    pub fn tree_of_saved(&self, saved: &vm::persist::SavedTree) -> Result<Rc<TreeView>, String> {
+        let reader = crate::read::Reader::default();
+        TreeView::of_saved(&self.machine.program, saved, &|text| reader.value(text)).map(Rc::new)
     }
 
     /// The text of a value that reads back, with the names of functions.

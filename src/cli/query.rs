@@ -177,9 +177,9 @@ fn trees(session: &Session, it: &Query) -> Result<Vec<Asked>, Trouble> {
         false => vec![keep::version(&store, it.stored.as_deref(), None)?],
     };
     let tree = |version: VersionRow| {
-        let nodes = Json::Array(super::tree::nodes(&store, &version)?);
+        let saved = store.tree(&version)?;
         let name = format!("{}@{}", vm::show::safe(&version.tree), version.version);
-        let view = session.tree_of_nodes(&nodes).map_err(|why| Trouble::from(format!("{name}: {why}")))?;
+        let view = session.tree_of_saved(&saved).map_err(|why| Trouble::from(format!("{name}: {why}")))?;
         Ok((name, Some(view)))
     };
     versions.into_iter().map(tree).collect()

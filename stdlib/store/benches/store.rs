@@ -38,7 +38,20 @@ fn main() {
     let path = std::env::temp_dir().join(format!("pleach-bench-{}.store", std::process::id()));
     let per_node = |begin: ProcessTime| begin.elapsed().as_nanos() / u128::from(nodes);
     let begin = ProcessTime::now();
+    let mut packer = vm::persist::chunk::Packer::default();
+    let mut n = 0;
+    for rows in saved.slots.chunks(1024) {
+        rows.iter().for_each(|row| packer.saved_slot(row));
+        n += packer.end(|it| it.rows.len());
+    }
+    for rows in saved.records.chunks(1024) {
+        rows.iter().for_each(|row| packer.saved_record(row, "main".into()));
+        n += packer.end(|it| it.rows.len());
+    }
+    println!("pack {} {}", per_node(begin), n / nodes as usize);
+    let begin = ProcessTime::now();
     let writer = Writer::put(Store::write(&path).expect("it opens"), "tree", None, &saved, "program");
+    println!("before close {}", per_node(begin));
     drop(writer.expect("it is written"));
     let save = per_node(begin);
     let begin = ProcessTime::now();

@@ -252,7 +252,7 @@ fn word<T: Copy>(all: &[T], word: fn(T) -> &'static str, text: &str) -> T {
 }
 
 /// A failure from its JSON.
-fn failure(program: &Program, json: &Json, read: &dyn Fn(&str) -> Value, depth: usize) -> Value {
+pub(crate) fn failure(program: &Program, json: &Json, read: &dyn Fn(&str) -> Value, depth: usize) -> Value {
     const DEPTH: usize = 20;
     let Some(name) = json["type"].as_str().filter(|_| depth < DEPTH) else { return Value::NIL };
     let name = Symbol::from(name);

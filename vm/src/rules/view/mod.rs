@@ -11,6 +11,7 @@ mod build;
 mod column;
 mod edited;
 mod path;
+mod saved;
 
 use std::cell::{OnceCell, RefCell};
 use std::collections::BTreeMap;

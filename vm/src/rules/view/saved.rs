@@ -1,0 +1,170 @@
+//! The table of a tree that was kept, without a tree in between.
+
+use rustc_hash::FxHashMap;
+use serde_json::{Map as JsonMap, Value as Json};
+
+use crate::code::Program;
+use crate::persist::{SavedRecord, SavedTree, failure};
+use crate::tree::{NodeKind, ROOT};
+use crate::value::{Obj, Symbol, Value};
+
+use super::build::{Words, properties, seconds};
+use super::{Attempt, Rare, Row, TreeView};
+
+/// How the text of a value becomes one again.
+type Read<'a> = &'a dyn Fn(&str) -> Value;
+
+impl TreeView {
+    /// The tree of these rows; `read` makes values of texts that `write` has printed.
+    ///
+    /// # Errors
+    /// A sentence that says which row does not fit to the others.
+    pub fn of_saved(program: &Program, saved: &SavedTree, read: Read<'_>) -> Result<TreeView, String> {
+        let places = saved.places()?;
+        let mut edits: FxHashMap<u32, Vec<Value>> = FxHashMap::default();
+        for it in &saved.edits {
+            let edit = read(&it.edit);
+            if !matches!(edit.obj(), Some(Obj::Edit(_))) {
+                return Err(format!("edit {} is none", it.number));
+            }
+            edits.entry(it.slot).or_default().push(edit);
+        }
+        let mut adding = Adding {
+            program,
+            read,
+            words: Words::new(),
+            view: TreeView { rows: Vec::with_capacity(saved.records.len()), ..TreeView::default() },
+        };
+        let mut todo = vec![(ROOT.0, 0)];
+        while let Some((slot, parent)) = todo.pop() {
+            let all = places.records(slot);
+            let Some(last) = all.last() else { continue };
+            let record = |number: u32| &saved.records[number as usize - 1];
+            let number = adding.view.rows.len() as u32;
+            let name = saved.slots[slot as usize - 1].name;
+            let attempts = match all.len() {
+                1 => Vec::new(),
+                _ => all.iter().map(|at| adding.attempt(record(*at))).collect::<Result<_, _>>()?,
+            };
+            adding.add(parent, name, record(*last), attempts, edits.remove(&slot).unwrap_or_default())?;
+            todo.extend(places.children(slot).iter().rev().map(|child| (*child, number)));
+        }
+        let mut view = adding.view;
+        view.close();
+        match view.rows.is_empty() {
+            true => Err("the tree is empty: its run was stopped before it was written".into()),
+            false => Ok(view),
+        }
+    }
+}
+
+struct Adding<'a> {
+    program: &'a Program,
+    read: Read<'a>,
+    words: Words,
+    view: TreeView,
+}
+
+impl Adding<'_> {
+    fn add(
+        &mut self,
+        parent: u32,
+        name: Symbol,
+        it: &SavedRecord,
+        attempts: Vec<Attempt>,
+        edits: Vec<Value>,
+    ) -> Result<(), String> {
+        let kind = self.words.a_kind(it.kind).ok_or_else(|| wrong(it, "kind"))?;
+        let status = self.words.a_status(it.status).ok_or_else(|| wrong(it, "status"))?;
+        let number = self.view.rows.len() as u32;
+        let mut more: JsonMap<String, Json> = match &it.more {
+            None => JsonMap::new(),
+            Some(text) => serde_json::from_str(text).map_err(|_| wrong(it, "extras"))?,
+        };
+        let args = self.view.args.len() as u32;
+        let mut params = self.params(&it.params).ok_or_else(|| wrong(it, "parameters"))?;
+        let is_desc = kind == NodeKind::Action && params.first().is_some_and(|it| it.1.as_desc().is_some());
+        params.retain(|param| is_desc || !crate::code::is_pattern(&param.0));
+        let count = params.len() as u16;
+        self.view.args.extend(params.into_iter().take(count.into()));
+        if let Some(grounded) = more.get("grounded").and_then(Json::as_str) {
+            self.view.grounded.push((number, (self.read)(grounded)));
+        }
+        if !edits.is_empty() {
+            self.view.edited.push(number);
+        }
+        let written = match more.remove("written-params") {
+            Some(Json::Object(params)) => Some(properties(kind, self.texts(params))),
+            _ => None,
+        };
+        let is_single = attempts.is_empty();
+        if written.is_some() || !is_single || !edits.is_empty() {
+            self.view.rare.insert(number, Rare { written, attempts, edits });
+        }
+        self.view.rows.push(Row {
+            parent,
+            below: 0,
+            name,
+            kind: self.words.kind(kind),
+            status: self.words.status(status),
+            value: self.value(it)?,
+            start: seconds(it.start_ns),
+            end: it.end_ns.filter(|_| status.is_final()).map_or(f64::NAN, seconds),
+            args,
+            count,
+            is_desc,
+            failed: it.failure.is_some(),
+            is_single,
+        });
+        Ok(())
+    }
+
+    fn attempt(&self, it: &SavedRecord) -> Result<Attempt, String> {
+        let status = self.words.a_status(it.status).ok_or_else(|| wrong(it, "status"))?;
+        Ok(Attempt {
+            status: status.word(),
+            value: self.value(it)?,
+            start: seconds(it.start_ns),
+            end: it.end_ns.filter(|_| status.is_final()).map(seconds),
+        })
+    }
+
+    fn value(&self, it: &SavedRecord) -> Result<Value, String> {
+        Ok(match (&it.failure, it.value.as_deref()) {
+            (Some(json), _) => {
+                let json = serde_json::from_str(json).map_err(|_| wrong(it, "failure"))?;
+                failure(self.program, &json, self.read, 0)
+            }
+            (None, None) => Value::NIL,
+            (None, Some(text)) => self.text(text),
+        })
+    }
+
+    /// The values that most tasks have need no reader.
+    fn text(&self, text: &str) -> Value {
+        match text {
+            "nil" => Value::NIL,
+            _ if text.len() < 18 && text.bytes().all(|byte| byte.is_ascii_digit()) => {
+                text.parse().map_or_else(|_| (self.read)(text), Value::int)
+            }
+            _ => (self.read)(text),
+        }
+    }
+
+    fn params(&self, json: &str) -> Option<Vec<(Symbol, Value)>> {
+        match json {
+            "" => Some(Vec::new()),
+            json => Some(self.texts(serde_json::from_str(json).ok()?)),
+        }
+    }
+
+    fn texts(&self, params: JsonMap<String, Json>) -> Vec<(Symbol, Value)> {
+        let param =
+            |(name, json): (String, Json)| (Symbol::from(&name), self.text(json.as_str().unwrap_or("nil")));
+        params.into_iter().map(param).collect()
+    }
+}
+
+fn wrong(it: &SavedRecord, what: &str) -> String {
+    format!("the {what} of record {} cannot be read", it.record)
+}
