@@ -429,8 +429,12 @@ impl Synthetic {
     /// An edit stands on the task.
     fn skip(&mut self, node: Node) {
         let slot: SlotId = self.tree.record(self.nodes[node - 1].0).slot;
-        let edit =
-            Edit { at: vm::path::Path { steps: Vec::new() }, what: What::Skip(None), guard: Vec::new() };
+        let edit = Edit {
+            at: vm::path::Path { steps: Vec::new() },
+            what: What::Skip(None),
+            guard: Vec::new(),
+            by: None,
+        };
         let accepted = Accepted {
             edit: Rc::new(edit),
             callee: Symbol::from("transporting"),

@@ -5,6 +5,7 @@ use std::rc::Rc;
 
 use compiler::{CompiledGoal, Report};
 use vm::machine::{PlanStep, Query};
+use vm::persist::{Outlined, SavedTree};
 use vm::print::{LIMIT, Printer};
 use vm::rules::view::TreeView;
 use vm::rules::why::Explanation;
@@ -164,9 +165,24 @@ impl Session {
     ///
     /// # Errors
     /// A sentence that says which of its rows does not fit to the others.
-    pub fn tree_of_saved(&self, saved: &vm::persist::SavedTree) -> Result<Rc<TreeView>, String> {
+    pub fn tree_of_saved(&self, saved: &SavedTree) -> Result<Rc<TreeView>, String> {
         let reader = crate::read::Reader::default();
-        TreeView::of_saved(&self.machine.program, saved, &|text| reader.value(text)).map(Rc::new)
+        TreeView::of_saved(&self.machine.program.failures, saved, &|text| reader.value(text)).map(Rc::new)
+    }
+
+    /// The same for a tree of which the outline is known. The rest is loaded when a goal asks for it; whether that went
+    /// well, [`TreeView::trouble`] says.
+    #[must_use]
+    pub fn tree_of_outline(
+        &self,
+        tasks: Vec<Outlined>,
+        load: impl Fn() -> Result<SavedTree, String> + 'static,
+    ) -> Rc<TreeView> {
+        let failures = self.machine.program.failures.clone();
+        Rc::new(TreeView::of_outline(tasks, move || {
+            let reader = crate::read::Reader::default();
+            TreeView::of_saved(&failures, &load()?, &|text| reader.value(text))
+        }))
     }
 
     /// The text of a value that reads back, with the names of functions.

@@ -3,12 +3,12 @@
 use rusqlite::{Row, params};
 use serde_json::{Value as Json, json};
 use vm::log::{Entry, Log};
-use vm::persist::{SavedEdit, SavedTree, chunk};
+use vm::persist::{Outline, Outlined, SavedEdit, SavedTree, chunk};
 
 use crate::error::StoreError;
 use crate::open::Store;
 use crate::sum::Sum;
-use crate::write::{Source, chunk_sum, edit_sum};
+use crate::write::{Source, chunk_sum, edit_sum, outline_sum};
 
 /// A version of a tree.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -292,6 +292,30 @@ impl Store {
         })
     }
 
+    /// The tasks of a version as they stand in its tree. Nothing if it was not written to its end: then they are known from
+    /// its rows only.
+    ///
+    /// # Errors
+    /// The outline is damaged.
+    pub fn outline(&self, of: &VersionRow) -> Result<Option<Vec<Outlined>>, StoreError> {
+        let read = || -> Result<Option<Vec<Outlined>>, Trouble> {
+            let mut statement = self
+                .db
+                .prepare("SELECT batch, sum, words, tasks FROM outlines WHERE id = ? AND batch = ?")?;
+            let mut rows = statement.query([of.id, of.batches])?;
+            let Some(row) = rows.next()? else { return Ok(None) };
+            let text = || -> rusqlite::Result<&str> { Ok(row.get_ref(2)?.as_str()?) };
+            let blob = || -> rusqlite::Result<&[u8]> { Ok(row.get_ref(3)?.as_blob()?) };
+            let (words, tasks) = (text()?, blob()?);
+            let fits = outline_sum(of.id, row.get(0)?, words, tasks) == row.get::<_, i64>(1)?;
+            match Outline::read(words, tasks).filter(|_| fits) {
+                Some(tasks) => Ok(Some(tasks)),
+                None => Err(Trouble::Row(of.id, "is not what was written")),
+            }
+        };
+        read().map_err(|it| self.within(of, None, it, "`outlines`"))
+    }
+
     /// The rows of all chunks of a version, of which `most` are said to be there.
     fn rows<T>(
         &self,
@@ -371,6 +395,7 @@ impl Store {
             let version = &self.fitting_version(row)?;
             let tree = self.tree(version)?;
             tree.json().map_err(|what| self.damaged(version, None, what))?;
+            self.outline(version)?;
             self.log(version)?;
             match self.run(version) {
                 Ok(run) => drop(self.program(version, &run.program)?),
@@ -402,7 +427,9 @@ impl Store {
         let mut work = || -> rusqlite::Result<()> {
             let all = self.db.transaction()?;
             for id in versions {
-                for table in ["versions", "runs", "batches", "log", "chunks", "edits", "decisions"] {
+                for table in
+                    ["versions", "runs", "batches", "log", "chunks", "outlines", "edits", "decisions"]
+                {
                     all.execute(&format!("DELETE FROM {table} WHERE id = ?"), [id])?;
                 }
             }

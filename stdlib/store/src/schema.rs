@@ -57,6 +57,12 @@ pub const TABLES: &[(&str, &str)] = &[
 ) STRICT",
     ),
     (
+        "outlines",
+        "CREATE TABLE outlines (
+  id INTEGER PRIMARY KEY, batch INTEGER NOT NULL, sum INTEGER NOT NULL, words TEXT NOT NULL, tasks BLOB NOT NULL
+) STRICT",
+    ),
+    (
         "edits",
         "CREATE TABLE edits (
   id INTEGER NOT NULL, number INTEGER NOT NULL, slot INTEGER NOT NULL, edit TEXT NOT NULL,

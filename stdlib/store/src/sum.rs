@@ -27,9 +27,14 @@ impl Sum {
 
     /// With a text.
     pub fn text(self, text: &str) -> Sum {
-        let mut sum = self.word(text.len() as u64);
+        self.bytes(text.as_bytes())
+    }
+
+    /// With bytes.
+    pub fn bytes(self, bytes: &[u8]) -> Sum {
+        let mut sum = self.word(bytes.len() as u64);
         // Long texts in four lanes, none of which waits for the others.
-        let (stripes, rest) = text.as_bytes().as_chunks::<LANES>();
+        let (stripes, rest) = bytes.as_chunks::<LANES>();
         if !stripes.is_empty() {
             let mut lanes = [sum.0, 1, 2, 3];
             for stripe in stripes {

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use rusqlite::Connection;
 use vm::log::{Entry, Event, Question};
-use vm::persist::{SavedEdit, SavedRecord, SavedSlot, SavedTree};
+use vm::persist::{Outline, SavedEdit, SavedRecord, SavedSlot, SavedTree};
 
 use crate::schema::FORMAT;
 use crate::{Begin, Fault, Store, StoreError, Writer};
@@ -110,6 +110,9 @@ fn what_is_written_is_read() {
     assert_eq!(names, ["kitchen@1", "kitchen@2", "run-3@1"]);
     for (version, tree) in versions.iter().zip(&trees) {
         assert_eq!(&store.tree(version).expect("it is whole"), tree);
+        let tasks = store.outline(version).expect("it is whole").expect("it is there");
+        assert_eq!(tasks.len(), tree.records.len());
+        assert_eq!((tasks[2].parent, tasks[2].name.as_str()), (1, "fetching"));
         assert_eq!(SavedTree::from_rows(&tree.rows()).as_ref(), Ok(tree));
     }
     let log = store.log(&versions[2]).expect("it is whole");
@@ -140,6 +143,13 @@ fn look_at(path: &std::path::Path, trees: &[SavedTree]) -> bool {
                 all_well = false;
                 assert!(!error.to_string().is_empty());
             }
+        }
+    }
+    for (version, tree) in (1..).zip(trees) {
+        let read = store.version("kitchen", Some(version)).and_then(|row| store.outline(&row));
+        if let Ok(Some(tasks)) = read {
+            let outline = Outline::of_saved(tree).expect("it has one");
+            assert_eq!(Some(tasks), Outline::read(&outline.words, &outline.tasks));
         }
     }
     if let Ok(version) = store.version("run-3", None)

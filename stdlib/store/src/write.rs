@@ -11,7 +11,7 @@ use rustc_hash::FxHashMap;
 use vm::code::Program;
 use vm::log::Entry;
 use vm::persist::chunk::{self, Chunk, Packer};
-use vm::persist::{self, SavedEdit, SavedTree, Word};
+use vm::persist::{self, Outline, SavedEdit, SavedTree, Word};
 use vm::tree::{RecId, SlotId, Tree};
 
 use crate::error::StoreError;
@@ -118,6 +118,9 @@ pub struct Writer {
     /// Fuel that was used when it was looked at last.
     looked: u64,
 }
+
+/// Trees with longer outlines have none, in bytes: SQLite keeps no more than a billion in one place.
+const MOST_OUTLINE: usize = 900_000_000;
 
 /// The tree of a run that goes on with none is called by its number.
 #[must_use]
@@ -291,6 +294,7 @@ impl Writer {
             it.write_entries()?;
             it.write_tree(program, tree)?;
             it.write_late(program, tree)?;
+            it.write_outline(Outline::of(tree))?;
             it.write_run(outcome, value, clock_ns)?;
             it.write_version(steps)
         })
@@ -320,6 +324,7 @@ impl Writer {
         let mut writer = Writer::new(store, next, tree.into(), version, base, Begin::default());
         writer.in_batch(|it| {
             it.write_saved(saved)?;
+            it.write_outline(Outline::of_saved(saved))?;
             saved.edits.iter().try_for_each(|row| it.write_edit(i64::from(row.number), row, origin, None))?;
             it.edits = saved.edits.len() as i64;
             it.write_version(0)
@@ -545,6 +550,17 @@ impl Writer {
         Ok(())
     }
 
+    /// Whatever is written later, the outline is that of an earlier moment then, and not used.
+    fn write_outline(&mut self, outline: Option<Outline>) -> rusqlite::Result<()> {
+        let Some(Outline { words, tasks }) = outline.filter(|it| it.tasks.len() < MOST_OUTLINE) else {
+            return Ok(());
+        };
+        let (id, batch) = (self.id, self.batches);
+        let sum = outline_sum(id, batch, &words, &tasks);
+        let insert = "INSERT OR REPLACE INTO outlines VALUES (?, ?, ?, ?, ?)";
+        self.execute(insert, params![id, batch, sum, words, tasks])
+    }
+
     fn write_chunk(&mut self, what: &str, first: u32, last: u32) -> rusqlite::Result<()> {
         let (id, count) = (self.id, last + 1 - first);
         self.rows.0 += count;
@@ -579,6 +595,10 @@ impl Writer {
 /// The chunks that rows stand in, each named by its first row.
 fn chunks_of(from: u32, to: u32) -> impl Iterator<Item = u32> {
     (chunk::first_of(from)..=to).step_by(chunk::ROWS as usize).filter(move |_| from <= to)
+}
+
+pub(crate) fn outline_sum(id: i64, batch: i64, words: &str, tasks: &[u8]) -> i64 {
+    Sum::of("outlines").number(id).number(batch).text(words).bytes(tasks).end()
 }
 
 pub(crate) fn chunk_sum(id: i64, what: &str, first: u32, count: u32, words: &str, rows: &str) -> i64 {

@@ -56,9 +56,6 @@ pub struct Packer {
 
 impl Default for Packer {
     fn default() -> Packer {
-        fn symbols<T: Copy>(all: &[T], word: fn(T) -> &'static str) -> Vec<Word> {
-            all.iter().map(|it| Word::from(word(*it))).collect()
-        }
         Packer {
             words: String::new(),
             known: FxHashMap::default(),
@@ -212,8 +209,7 @@ impl Packer {
     fn word(&mut self, word: Word) -> u32 {
         let next = self.known.len() as u32;
         *self.known.entry(word).or_insert_with(|| {
-            self.words.push(if next == 0 { '[' } else { ',' });
-            put_text(&mut self.words, &word);
+            put_word(&mut self.words, &word);
             next
         })
     }
@@ -353,7 +349,18 @@ fn text(json: &str) -> String {
     }
 }
 
-fn read_words(words: &str) -> Option<Vec<Word>> {
+/// The words of a fixed list, by the numbers of their variants.
+pub(super) fn symbols<T: Copy>(all: &[T], word: fn(T) -> &'static str) -> Vec<Word> {
+    all.iter().map(|it| Word::from(word(*it))).collect()
+}
+
+/// Puts a word at the end of a list that is not closed yet.
+pub(super) fn put_word(list: &mut String, word: &str) {
+    list.push(if list.is_empty() { '[' } else { ',' });
+    put_text(list, word);
+}
+
+pub(super) fn read_words(words: &str) -> Option<Vec<Word>> {
     let words: Vec<String> = serde_json::from_str(words).ok()?;
     Some(words.iter().map(|word| Word::from(word)).collect())
 }

@@ -10,11 +10,13 @@ pub mod chunk;
 mod diff;
 mod export;
 mod nodes;
+mod outline;
 mod rows;
 
 pub(crate) use back::failure;
 pub use back::{Awaited, Restored};
 pub use diff::{Difference, DifferenceKind, diff};
+pub use outline::{Outline, Outlined};
 pub use rows::{edits, record, slot, tree};
 
 use crate::value::Symbol;

@@ -1,10 +1,12 @@
 //! The table of a tree that was kept, without a tree in between.
 
+use std::cell::OnceCell;
+
 use rustc_hash::FxHashMap;
 use serde_json::{Map as JsonMap, Value as Json};
 
-use crate::code::Program;
-use crate::persist::{SavedRecord, SavedTree, failure};
+use crate::failure::FailureTypes;
+use crate::persist::{Outlined, SavedRecord, SavedTree, failure};
 use crate::tree::{NodeKind, ROOT};
 use crate::value::{Obj, Symbol, Value};
 
@@ -19,7 +21,7 @@ impl TreeView {
     ///
     /// # Errors
     /// A sentence that says which row does not fit to the others.
-    pub fn of_saved(program: &Program, saved: &SavedTree, read: Read<'_>) -> Result<TreeView, String> {
+    pub fn of_saved(failures: &FailureTypes, saved: &SavedTree, read: Read<'_>) -> Result<TreeView, String> {
         let places = saved.places()?;
         let mut edits: FxHashMap<u32, Vec<Value>> = FxHashMap::default();
         for it in &saved.edits {
@@ -30,7 +32,7 @@ impl TreeView {
             edits.entry(it.slot).or_default().push(edit);
         }
         let mut adding = Adding {
-            program,
+            failures,
             read,
             words: Words::new(),
             view: TreeView { rows: Vec::with_capacity(saved.records.len()), ..TreeView::default() },
@@ -58,8 +60,66 @@ impl TreeView {
     }
 }
 
+/// The rest of a tree of which only the outline is known.
+pub(super) struct Rest {
+    load: Box<dyn Fn() -> Result<TreeView, String>>,
+    view: OnceCell<Box<(TreeView, Option<String>)>>,
+}
+
+impl TreeView {
+    /// The tree of this outline. What else it has is loaded when somebody asks for it.
+    #[must_use]
+    pub fn of_outline(
+        tasks: Vec<Outlined>,
+        load: impl Fn() -> Result<TreeView, String> + 'static,
+    ) -> TreeView {
+        let rest = Rest { load: Box::new(load), view: OnceCell::new() };
+        let mut view = TreeView {
+            rows: tasks.into_iter().map(Row::outlined).collect(),
+            rest: Some(rest),
+            ..TreeView::default()
+        };
+        view.close();
+        view
+    }
+
+    /// The tree with all that its tasks have.
+    pub(super) fn whole(&self) -> &TreeView {
+        let Some(rest) = &self.rest else { return self };
+        let load = || {
+            Box::new(match (rest.load)() {
+                Ok(view) if view.is_like(self) => (view, None),
+                Ok(_) => (self.bare(), Some("the tree differs from its outline".into())),
+                Err(trouble) => (self.bare(), Some(trouble)),
+            })
+        };
+        &rest.view.get_or_init(load).0
+    }
+
+    /// Why the rest of the tree could not be loaded: what has been said of it since is not to be believed.
+    #[must_use]
+    pub fn trouble(&self) -> Option<&str> {
+        self.rest.as_ref()?.view.get()?.1.as_deref()
+    }
+
+    fn is_like(&self, outline: &TreeView) -> bool {
+        let same = |(a, b): (&Row, &Row)| {
+            a.parent == b.parent && a.name == b.name && a.kind == b.kind && a.status == b.status
+        };
+        self.rows.len() == outline.rows.len() && self.rows.iter().zip(&outline.rows).all(same)
+    }
+
+    fn bare(&self) -> TreeView {
+        let row = |it: &Row| Row {
+            below: it.below,
+            ..Row::outlined(Outlined { parent: it.parent, name: it.name, kind: it.kind, status: it.status })
+        };
+        TreeView { rows: self.rows.iter().map(row).collect(), ..TreeView::default() }
+    }
+}
+
 struct Adding<'a> {
-    program: &'a Program,
+    failures: &'a FailureTypes,
     read: Read<'a>,
     words: Words,
     view: TreeView,
@@ -99,7 +159,7 @@ impl Adding<'_> {
         };
         let is_single = attempts.is_empty();
         if written.is_some() || !is_single || !edits.is_empty() {
-            self.view.rare.insert(number, Rare { written, attempts, edits });
+            self.view.rare.insert(number, Rare { written, attempts, edits, by: None });
         }
         self.view.rows.push(Row {
             parent,
@@ -133,7 +193,7 @@ impl Adding<'_> {
         Ok(match (&it.failure, it.value.as_deref()) {
             (Some(json), _) => {
                 let json = serde_json::from_str(json).map_err(|_| wrong(it, "failure"))?;
-                failure(self.program, &json, self.read, 0)
+                failure(self.failures, &json, self.read, 0)
             }
             (None, None) => Value::NIL,
             (None, Some(text)) => self.text(text),
