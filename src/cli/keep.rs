@@ -213,7 +213,7 @@ mod tests {
     use clap::Parser as _;
     use store::{Fault, Store};
 
-    use crate::cli::{Answer, Command, ERRORS, Line, Trouble, exit_code, resume, run};
+    use crate::cli::{Answer, Command, ERRORS, Line, exit_code, resume, run};
 
     fn line(words: &[&str]) -> Command {
         Line::try_parse_from(words).unwrap_or_else(|error| panic!("{error}")).command

@@ -92,7 +92,7 @@ FROM versions LEFT JOIN runs ON runs.id = versions.id ORDER BY versions.id",
     (
         "slots",
         "CREATE VIEW slots AS
-SELECT id, first + row.key AS slot, json_extract(row.value, '$[0]') AS parent,
+SELECT chunks.id AS id, first + row.key AS slot, json_extract(row.value, '$[0]') AS parent,
   json_extract(words, '$[' || json_extract(row.value, '$[1]') || ']') AS name,
   json_extract(words, '$[' || json_extract(row.value, '$[2]') || ']') AS site,
   nullif(json_extract(row.value, '$[4]'), 0) AS steps, first + row.key + json_extract(row.value, '$[3]') AS place
@@ -101,7 +101,7 @@ FROM chunks, json_each(content) AS row WHERE what = 'slots'",
     (
         "records",
         "CREATE VIEW records AS
-SELECT id, first + row.key AS record, first + row.key + json_extract(row.value, '$[0]') AS slot,
+SELECT chunks.id AS id, first + row.key AS record, first + row.key + json_extract(row.value, '$[0]') AS slot,
   json_extract(row.value, '$[1]') AS parent, json_extract(row.value, '$[2]') AS attempt,
   json_extract(words, '$[' || json_extract(row.value, '$[3]') || ']') AS name,
   json_extract(words, '$[' || json_extract(row.value, '$[4]') || ']') AS kind,

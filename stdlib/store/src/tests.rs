@@ -3,8 +3,10 @@
 use std::path::PathBuf;
 
 use rusqlite::Connection;
+use vm::code::Program;
 use vm::log::{Entry, Event, Question};
 use vm::persist::{Outline, SavedEdit, SavedRecord, SavedSlot, SavedTree};
+use vm::tree::Tree;
 
 use crate::schema::FORMAT;
 use crate::{Begin, Fault, Store, StoreError, Writer};
@@ -119,6 +121,37 @@ fn what_is_written_is_read() {
     assert_eq!(log.entries, (1..50).map(entry).collect::<Vec<_>>());
     assert!(store.check_pages().is_none());
     assert!(store.check().expect("it is read").iter().all(|it| it.trouble.is_none()));
+}
+
+#[test]
+fn others_see_plain_tables() {
+    let (_folder, path, trees) = made("views");
+    let db = Connection::open(&path).expect("it opens");
+    let texts = |select: &str| -> Vec<String> {
+        let mut statement = db.prepare(select).unwrap_or_else(|error| panic!("{select}: {error}"));
+        let rows = statement.query_map([], |row| row.get(0)).expect("it is asked");
+        rows.map(|row| row.expect("it is a text")).collect()
+    };
+    let count = |select: &str| db.query_row(select, [], |row| row.get::<_, usize>(0));
+    assert_eq!(count("SELECT count(*) FROM records WHERE id = 1"), Ok(trees[0].records.len()));
+    assert_eq!(count("SELECT count(DISTINCT slot) FROM slots WHERE id = 2"), Ok(trees[1].slots.len()));
+    let tasks = texts(
+        "SELECT concat_ws(' ', record, slot, parent, name, kind, status, why, attempt, start_s, end_s, seconds, params, value, failure)
+         FROM tasks WHERE tree = 'kitchen' AND version = 2 AND record IN (1, 2, 1030) ORDER BY record",
+    );
+    assert_eq!(
+        tasks,
+        [
+            "1 1 0 top-level plan succeeded  1 0.001 0.002 0.001 {\"n\":\"1\"} \"cup 1\"",
+            "2 2 1 main plan succeeded  1 0.002 0.004 0.002 {\"n\":\"2\"} \"cup 2\"",
+            "1030 1030 2 fetching plan succeeded  1 1.03 2.06 1.03 {\"n\":\"1030\"} \"cup 1030\""
+        ]
+    );
+    let slots = "SELECT concat_ws(' ', slot, parent, name, site, steps, place) FROM slots WHERE id = 1 AND slot = 1025";
+    assert_eq!(texts(slots), ["1025 2 fetching 0004010000000000 1025"]);
+    assert_eq!(texts("SELECT concat_ws(' ', tree, name, edit) FROM changes WHERE version = 1").len(), 1);
+    assert_eq!(texts("SELECT name FROM changes"), ["fetching", "fetching"]);
+    assert_eq!(texts("SELECT tree FROM history"), ["kitchen", "kitchen", "run-3"]);
 }
 
 /// A small generator of numbers, the same in each run.
@@ -388,6 +421,26 @@ fn a_reader_that_takes_long_does_not_stop_the_writer() {
     drop(reader);
     let store = Store::read(&path).expect("it opens");
     assert_eq!(store.last().map(|it| it.entries), Ok(199));
+}
+
+#[test]
+fn an_outline_of_an_earlier_moment_is_not_used() {
+    let folder = Folder::new("outline");
+    let path = folder.file("a.store");
+    let mut writer =
+        Writer::begin(Store::write(&path).expect("it opens"), Begin::default()).expect("it begins");
+    let tasks = || {
+        let store = Store::read(&path).expect("it opens");
+        let version = store.last().expect("it is there");
+        store.outline(&version).expect("it is whole").map(|tasks| tasks.len())
+    };
+    assert_eq!(tasks(), None);
+    let (program, tree) = (Program::default(), Tree::default());
+    writer.end(&program, &tree, 1, 0, "stopped", None).expect("it is written");
+    assert_eq!(tasks(), Some(1));
+    writer.logged(&entry(1));
+    writer.write_log().expect("it is written");
+    assert_eq!(tasks(), None);
 }
 
 #[test]

@@ -228,3 +228,46 @@ impl Adding<'_> {
 fn wrong(it: &SavedRecord, what: &str) -> String {
     format!("the {what} of record {} cannot be read", it.record)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::Attr;
+    use super::*;
+
+    fn outline(parents: &[u32]) -> Vec<Outlined> {
+        let word = Symbol::from;
+        let task = |parent: &u32| Outlined {
+            parent: *parent,
+            name: word("put"),
+            kind: word("plan"),
+            status: word("succeeded"),
+        };
+        parents.iter().map(task).collect()
+    }
+
+    #[test]
+    fn what_is_no_outline_is_loaded_when_it_is_asked_for() {
+        let load = || {
+            let mut view = TreeView::of_outline(outline(&[0, 0, 1]), || Err("not here".into()));
+            view.rest = None;
+            view.rows[2].value = Value::int(7);
+            Ok(view)
+        };
+        let view = TreeView::of_outline(outline(&[0, 0, 1]), load);
+        assert_eq!(view.column(Attr::Name).with(view.number(&Value::symbol("put"))).len(), 3);
+        assert_eq!(view.path(2).steps.len(), 2);
+        assert!(view.rest.as_ref().is_some_and(|rest| rest.view.get().is_none()));
+        assert_eq!((view.value(2), view.trouble()), (Value::int(7), None));
+    }
+
+    #[test]
+    fn what_cannot_be_loaded_is_a_trouble() {
+        let view = TreeView::of_outline(outline(&[0, 0]), || Err("a row is damaged".into()));
+        assert_eq!(view.trouble(), None);
+        assert_eq!((view.value(1), view.trouble()), (Value::NIL, Some("a row is damaged")));
+        let other = || Ok(TreeView::of_outline(outline(&[0]), || Err(String::new())));
+        let view = TreeView::of_outline(outline(&[0, 0]), other);
+        assert_eq!(view.params(1), Vec::new());
+        assert!(view.trouble().is_some_and(|it| it.contains("outline")));
+    }
+}
