@@ -441,6 +441,11 @@ fn an_outline_of_an_earlier_moment_is_not_used() {
     writer.logged(&entry(1));
     writer.write_log().expect("it is written");
     assert_eq!(tasks(), None);
+    drop(writer);
+    let empty =
+        Writer::put(Store::write(&path).expect("it opens"), "empty", None, &SavedTree::default(), "import");
+    drop(empty.expect("it is written"));
+    assert_eq!(tasks(), None);
 }
 
 #[test]

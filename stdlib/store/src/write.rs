@@ -552,7 +552,8 @@ impl Writer {
 
     /// Whatever is written later, the outline is that of an earlier moment then, and not used.
     fn write_outline(&mut self, outline: Option<Outline>) -> rusqlite::Result<()> {
-        let Some(Outline { words, tasks }) = outline.filter(|it| it.tasks.len() < MOST_OUTLINE) else {
+        let Some(Outline { words, tasks }) = outline.filter(|it| (1..MOST_OUTLINE).contains(&it.tasks.len()))
+        else {
             return Ok(());
         };
         let (id, batch) = (self.id, self.batches);

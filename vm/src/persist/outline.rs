@@ -5,7 +5,7 @@ use rustc_hash::FxHashMap;
 
 use super::chunk::{put_word, read_words, symbols};
 use super::{SavedRecord, SavedTree, Word};
-use crate::tree::{NodeKind, ROOT, RecId, SlotId, Status, Tree};
+use crate::tree::{NodeKind, ROOT, RecId, Record, SlotId, Status, Tree};
 
 /// Tasks in the order of the tree.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -37,30 +37,24 @@ impl Outline {
     #[must_use]
     pub fn of(tree: &Tree) -> Option<Outline> {
         let (kinds, statuses) = (symbols(NodeKind::ALL, NodeKind::word), symbols(Status::ALL, Status::word));
-        let mut making = Making::new(tree.len());
+        let words = |slot: SlotId, record: &Record| {
+            [tree.slot(slot).name, kinds[record.kind as usize], statuses[record.status as usize]]
+        };
         let stands = |rec: RecId| {
             let it = tree.record(rec);
             let above = if rec == RecId(1) { SlotId(0) } else { tree.record(it.parent).slot };
             let is_only = it.attempt == 1 && (rec == RecId(1) || tree.place(it.slot) == rec.0);
-            (is_only && tree.slot(it.slot).parent == above).then_some(it.parent.0)
+            (is_only && tree.slot(it.slot).parent == above).then(|| (it.parent.0, words(it.slot, it)))
         };
-        if in_order((1..=tree.len() as u32).map(|number| stands(RecId(number)))) {
-            for rec in tree.records() {
-                let it = tree.record(rec);
-                let name = tree.slot(it.slot).name;
-                let words = [name, kinds[it.kind as usize], statuses[it.status as usize]];
-                making.add(it.parent.0.saturating_sub(1), words)?;
-            }
-            return Some(making.end());
+        if let Some(made) = in_order(tree.len(), tree.records().map(stands)) {
+            return Some(made);
         }
+        let mut making = Making::new(tree.len());
         let mut todo = vec![(ROOT, 0)];
         let mut children = Vec::new();
         while let Some((slot, parent)) = todo.pop() {
             let Some(rec) = tree.shown(slot) else { continue };
-            let record = tree.record(rec);
-            let name = tree.slot(slot).name;
-            let number =
-                making.add(parent, [name, kinds[record.kind as usize], statuses[record.status as usize]])?;
+            let number = making.add(parent, words(slot, tree.record(rec)))?;
             tree.children_into(slot, &mut children);
             todo.extend(children.iter().rev().map(|child| (*child, number)));
         }
@@ -70,20 +64,18 @@ impl Outline {
     /// The same of a saved one; nothing if its rows do not fit together, too.
     #[must_use]
     pub fn of_saved(saved: &SavedTree) -> Option<Outline> {
-        let mut making = Making::new(saved.records.len());
         let stands = |(number, it): (u32, &SavedRecord)| {
             let slot = saved.slots.get(number as usize - 1)?;
             let is_only = it.slot == number && it.record == number && slot.slot == number;
             let is_there = number == 1 || slot.place == number;
-            (is_only && is_there && slot.parent == it.parent).then_some(it.parent)
+            (is_only && is_there && slot.parent == it.parent)
+                .then_some((it.parent, [slot.name, it.kind, it.status]))
         };
-        if in_order((1..).zip(&saved.records).map(stands)) {
-            for (it, slot) in saved.records.iter().zip(&saved.slots) {
-                making.add(it.parent.saturating_sub(1), [slot.name, it.kind, it.status])?;
-            }
-            return Some(making.end());
+        if let Some(made) = in_order(saved.records.len(), (1..).zip(&saved.records).map(stands)) {
+            return Some(made);
         }
         let places = saved.places().ok()?;
+        let mut making = Making::new(saved.records.len());
         let mut todo = vec![(ROOT.0, 0)];
         while let Some((slot, parent)) = todo.pop() {
             let Some(last) = places.records(slot).last() else { continue };
@@ -115,21 +107,23 @@ impl Outline {
     }
 }
 
-/// True if records stand in the order of the tree, as those of a run do that does nothing at the same time nor twice. Of
-/// each the record above is given, or nothing if its slot has others.
-fn in_order(parents: impl Iterator<Item = Option<u32>>) -> bool {
+/// The outline of records that stand in the order of the tree, as those of a run do that does nothing at the same time nor
+/// twice. Of each the record above is given, with its words, or nothing if its slot has others.
+fn in_order(tasks: usize, rows: impl Iterator<Item = Option<(u32, [Word; 3])>>) -> Option<Outline> {
+    let mut making = Making::new(tasks);
     let mut open: Vec<u32> = Vec::new();
-    for (number, parent) in (1..).zip(parents) {
-        let Some(parent) = parent else { return false };
+    for (number, row) in (1..).zip(rows) {
+        let (parent, words) = row?;
         while open.last().is_some_and(|last| *last != parent) {
             open.pop();
         }
         if open.is_empty() != (number == 1) {
-            return false;
+            return None;
         }
         open.push(number);
+        making.add(parent.saturating_sub(1), words)?;
     }
-    true
+    Some(making.end())
 }
 
 struct Making {
@@ -178,15 +172,16 @@ impl Making {
 
 #[cfg(test)]
 mod tests {
-    use super::in_order;
+    use super::{Word, in_order};
 
     #[test]
     fn order_is_that_of_the_tree() {
-        let is = |parents: &[u32]| in_order(parents.iter().map(|parent| Some(*parent)));
+        let row = |parent: &u32| Some((*parent, [Word::from("put"); 3]));
+        let is = |parents: &[u32]| in_order(parents.len(), parents.iter().map(row)).is_some();
         assert!(is(&[0, 1, 2, 3, 2, 2, 1]));
         // Two branches take turns; a second root; a second run of a slot.
         assert!(!is(&[0, 1, 1, 2, 3]));
         assert!(!is(&[0, 0]));
-        assert!(!in_order([Some(0), Some(1), None].into_iter()));
+        assert!(in_order(3, [row(&0), row(&1), None].into_iter()).is_none());
     }
 }
