@@ -5,6 +5,7 @@ use std::rc::Rc;
 
 use compiler::{CompiledGoal, Report};
 use vm::machine::{PlanStep, Query};
+use vm::persist::{Outlined, SavedTree};
 use vm::print::{LIMIT, Printer};
 use vm::rules::view::TreeView;
 use vm::rules::why::Explanation;
@@ -160,12 +161,28 @@ impl Session {
         crate::import::tree(text, &self.machine.program.failures).map(Rc::new)
     }
 
-    /// The same for the list of nodes that such a file has.
+    /// The same for a tree that a store has kept.
     ///
     /// # Errors
-    /// A sentence that says what is wrong with it, and where.
-    pub fn tree_of_nodes(&self, nodes: &serde_json::Value) -> Result<Rc<TreeView>, String> {
-        crate::import::tree_of(nodes, &self.machine.program.failures).map(Rc::new)
+    /// A sentence that says which of its rows does not fit to the others.
+    pub fn tree_of_saved(&self, saved: &SavedTree) -> Result<Rc<TreeView>, String> {
+        let reader = crate::read::Reader::default();
+        TreeView::of_saved(&self.machine.program.failures, saved, &|text| reader.value(text)).map(Rc::new)
+    }
+
+    /// The same for a tree of which the outline is known. The rest is loaded when a goal asks for it; whether that went
+    /// well, [`TreeView::trouble`] says.
+    #[must_use]
+    pub fn tree_of_outline(
+        &self,
+        tasks: Vec<Outlined>,
+        load: impl Fn() -> Result<SavedTree, String> + 'static,
+    ) -> Rc<TreeView> {
+        let failures = self.machine.program.failures.clone();
+        Rc::new(TreeView::of_outline(tasks, move || {
+            let reader = crate::read::Reader::default();
+            TreeView::of_saved(&failures, &load()?, &|text| reader.value(text))
+        }))
     }
 
     /// The text of a value that reads back, with the names of functions.

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use pleach::files::Files;
-use store::{Begin, Source, Store, StoreError, VersionRow, Writer};
+use store::{Begin, Fault, Source, Store, StoreError, VersionRow, Writer};
 use vm::log::Entry;
 use vm::machine::Machine;
 use vm::persist::{SavedEdit, SavedTree};
@@ -20,6 +20,9 @@ const MOST_ENTRIES: usize = 256;
 const MOST_RECORDS: usize = 8192;
 /// Or when something waits and so much time has passed.
 const MOST_TIME: Duration = Duration::from_millis(100);
+/// Rows that had been written before are not written again until so many times the time has passed that this took: many
+/// tasks that end one by one stand in chunks with many that do not.
+const PAUSE: f64 = 4.0;
 
 impl From<StoreError> for Trouble {
     fn from(error: StoreError) -> Trouble {
@@ -34,8 +37,8 @@ pub struct Place {
     pub path: PathBuf,
     /// The tree that it goes on with; nothing for a new one.
     pub tree: Option<String>,
-    /// For tests: after so many calls of the store the disk is full.
-    pub fails_in: Option<u64>,
+    /// For tests: after so many calls of the store one fails so.
+    pub fails_in: Option<(u64, Fault)>,
 }
 
 /// Keeps a run.
@@ -43,6 +46,8 @@ pub struct Keeper {
     writer: Writer,
     path: PathBuf,
     last: Instant,
+    /// How long it stays as it is.
+    pause: Duration,
 }
 
 impl Keeper {
@@ -76,14 +81,14 @@ impl Keeper {
             orphans,
         };
         let mut writer = Writer::begin(store, begin)?;
-        writer.fails_at = place.fails_in.map(|calls| writer.calls() + calls);
-        Ok(Keeper { writer, path: place.path.clone(), last: Instant::now() })
+        writer.fails_at = place.fails_in.map(|(calls, fault)| (writer.calls() + calls, fault));
+        Ok(Keeper { writer, path: place.path.clone(), last: Instant::now(), pause: Duration::ZERO })
     }
 
     /// Goes on with a run.
     pub fn resume(path: &Path, id: i64) -> Result<Keeper, Trouble> {
         let writer = Writer::resume(path, id)?;
-        Ok(Keeper { writer, path: path.into(), last: Instant::now() })
+        Ok(Keeper { writer, path: path.into(), last: Instant::now(), pause: Duration::ZERO })
     }
 
     /// What came from outside.
@@ -107,8 +112,13 @@ impl Keeper {
         if !due && (self.last.elapsed() < MOST_TIME || !self.writer.is_behind(machine.steps())) {
             return Ok(());
         }
+        if self.last.elapsed() < self.pause {
+            return if entries >= MOST_ENTRIES { self.writer.write_log() } else { Ok(()) };
+        }
+        let begin = Instant::now();
         self.writer.write(&machine.program, machine.tree(), machine.steps())?;
         self.last = Instant::now();
+        self.pause = begin.elapsed().mul_f64(PAUSE * self.writer.again());
         Ok(())
     }
 
@@ -213,9 +223,9 @@ mod tests {
     use std::path::Path;
 
     use clap::Parser as _;
-    use store::Store;
+    use store::{Fault, Store};
 
-    use crate::cli::{Answer, Command, ERRORS, Line, Trouble, exit_code, resume, run};
+    use crate::cli::{Answer, Command, ERRORS, Line, exit_code, resume, run};
 
     fn line(words: &[&str]) -> Command {
         Line::try_parse_from(words).unwrap_or_else(|error| panic!("{error}")).command
@@ -229,16 +239,16 @@ mod tests {
         assert!(findings.iter().all(|it| it.trouble.is_none()), "{findings:?}");
     }
 
-    /// Runs with a store on a disk that is full after so many calls; what was wrong.
-    fn run_until_full(folder: &Path, store: &Path, calls: u64) -> Trouble {
+    /// Runs with a store whose call of this number fails.
+    fn run_until(folder: &Path, store: &Path, calls: u64, fault: Fault) -> Answer {
         let (file, store) = (folder.join("work.plan"), store.display().to_string());
         let (read, write) = (format!("read={}", folder.display()), format!("write={}", folder.display()));
         let words = ["pleach", "run", &file.display().to_string(), "--allow", &read, "--allow", &write];
         let Command::Run(mut it) = line(&[&words[..], &["--quiet", "--store", &store]].concat()) else {
             panic!("it is a run")
         };
-        it.store_fails_in = Some(calls);
-        run::run(*it).expect_err("the disk is full")
+        it.store_fails_in = Some((calls, fault));
+        run::run(*it)
     }
 
     fn go_on(store: &Path) -> Answer {
@@ -248,25 +258,48 @@ mod tests {
         resume::resume(&it)
     }
 
-    #[test]
-    fn a_full_disk_stops_the_run_and_leaves_a_store_that_opens() {
-        let folder = std::env::temp_dir().join(format!("pleach-full-{}", std::process::id()));
+    /// Runs until one of the first calls fails, then the next one, as long as there are so many.
+    fn fail(name: &str, rounds: u32, faults: &[Fault]) -> u64 {
+        let folder = std::env::temp_dir().join(format!("pleach-fails-{}-{name}", std::process::id()));
         std::fs::create_dir_all(&folder).expect("a folder can be made");
         let there = |name| format!("\"{}", folder.join(name).display());
         let work = include_str!("../../tests/store/work.plan");
         let work = work.replace("\"in.txt", &there("in.txt")).replace("\"out.txt", &there("out.txt"));
+        let work = work.replace("(n 40)", &format!("(n {rounds})"));
         std::fs::write(folder.join("work.plan"), work).expect("it can be written");
         std::fs::write(folder.join("in.txt"), "hello").expect("it can be written");
-        for calls in [1, 2, 3, 100, 15_000] {
-            let store = folder.join(format!("{calls}.store"));
-            let trouble = run_until_full(&folder, &store, calls);
-            let what = &trouble.what;
-            assert!(what.contains("cannot write the store") && what.contains("the disk is full"), "{what}");
-            assert_eq!(exit_code(Err(trouble)), ERRORS);
-            assert_whole(&store);
-            assert_eq!(go_on(&store).expect("it goes on"), 0);
-            assert_whole(&store);
+        let mut tried = 0;
+        for fault in faults {
+            for calls in 1.. {
+                let store = folder.join(format!("{fault:?}-{calls}.store"));
+                let Err(trouble) = run_until(&folder, &store, calls, *fault) else { break };
+                tried += 1;
+                let what = &trouble.what;
+                let why = match fault {
+                    Fault::Full => "the disk is full",
+                    Fault::Broken => "input or output failed",
+                    Fault::Locked => "another process holds it",
+                };
+                assert!(what.contains("cannot write the store") && what.contains(why), "{what}");
+                assert_eq!(exit_code(Err(trouble)), ERRORS);
+                assert_whole(&store);
+                assert_eq!(go_on(&store).expect("it goes on"), 0);
+                assert_whole(&store);
+                let _ = std::fs::remove_file(&store);
+            }
         }
         let _ = std::fs::remove_dir_all(&folder);
+        tried
+    }
+
+    #[test]
+    fn each_call_of_the_store_may_fail() {
+        assert!(fail("small", 2, Fault::ALL) > 30);
+    }
+
+    #[test]
+    #[ignore = "takes a minute"]
+    fn each_call_of_the_store_may_fail_in_a_run_of_many_batches() {
+        assert!(fail("large", 40, &[Fault::Full]) > 100);
     }
 }

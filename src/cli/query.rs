@@ -179,17 +179,23 @@ fn trees(session: &Session, it: &Query) -> Result<Vec<Asked>, Trouble> {
         let tree = it.tree.as_deref().map(|path| read_tree(session, path)).transpose()?;
         return Ok(vec![(String::new(), tree)]);
     };
-    let store = Store::read(path)?;
+    let store = Rc::new(Store::read(path)?);
     let versions = match it.each {
         true => store.versions()?,
         false => vec![keep::version(&store, it.stored.as_deref(), None)?],
     };
     let tree = |version: VersionRow| {
-        let nodes = Json::Array(super::tree::nodes(&store, &version)?);
-        let name = format!("{}@{}", version.tree, version.version);
-        let view = session
-            .tree_of_nodes(&nodes)
-            .map_err(|why| Trouble::from(format!("{}: {why}", vm::show::safe(&name))))?;
+        let name = format!("{}@{}", vm::show::safe(&version.tree), version.version);
+        let view = match store.outline(&version)? {
+            Some(tasks) => {
+                let store = store.clone();
+                session.tree_of_outline(tasks, move || store.tree(&version).map_err(|it| it.to_string()))
+            }
+            None => {
+                let view = session.tree_of_saved(&store.tree(&version)?);
+                view.map_err(|why| Trouble::from(format!("{name}: {why}")))?
+            }
+        };
         Ok((name, Some(view)))
     };
     versions.into_iter().map(tree).collect()
@@ -266,15 +272,21 @@ fn read_tree(session: &Session, path: &Path) -> Result<Rc<TreeView>, Trouble> {
 }
 
 fn ask(session: &mut Session, it: &Query, name: &str, tree: Option<Rc<TreeView>>) -> Answer {
-    let mut question = match session.ask("goal", &it.goal, tree) {
+    let whole = |tree: &Option<Rc<TreeView>>| {
+        let trouble = tree.as_ref().and_then(|tree| tree.trouble().map(|it| Trouble::from(it.to_string())));
+        trouble.map_or(Ok(()), Err)
+    };
+    let mut question = match session.ask("goal", &it.goal, tree.clone()) {
         Ok(question) => question,
         Err(reports) => return Ok(errors(session, it, &reports)),
     };
     if it.why {
-        return explain(session, it, name, &mut question);
+        let code = explain(session, it, name, &mut question);
+        return whole(&tree).and(code);
     }
     if it.plan {
-        return plan(session, it, name, &mut question);
+        let code = plan(session, it, name, &mut question);
+        return whole(&tree).and(code);
     }
     let most = if it.all { u64::MAX } else { it.most.unwrap_or(1) };
     // Limits hold for the query by itself.
@@ -282,7 +294,10 @@ fn ask(session: &mut Session, it: &Query, name: &str, tree: Option<Rc<TreeView>>
     machine.limits.fuel = machine.limits.fuel.saturating_add(machine.steps());
     let (mut answers, mut count, mut more) = (Vec::new(), 0, true);
     while more && count < most {
-        let answer = match session.next_answer(&mut question) {
+        let answer = session.next_answer(&mut question);
+        // What cannot be read is found out when a goal asks for it.
+        whole(&tree)?;
+        let answer = match answer {
             Ok(Some(answer)) => answer,
             Ok(None) => {
                 more = false;

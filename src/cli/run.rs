@@ -88,7 +88,7 @@ pub struct Run {
     rehearsing: Rehearsing,
     /// No option: tests say when the disk of the store is full.
     #[arg(skip)]
-    pub store_fails_in: Option<u64>,
+    pub store_fails_in: Option<(u64, store::Fault)>,
     /// Stop when so many calls and backward jumps have been done
     #[arg(long, value_name = "STEP", value_parser = super::settings::count)]
     stop_at: Option<u64>,

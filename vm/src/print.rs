@@ -78,6 +78,14 @@ impl<'a> Printer<'a> {
         Printer { program, readable, limit, looks, out: String::new(), full: false }
     }
 
+    /// Puts the text of one value after what is there.
+    pub(crate) fn text_onto(mut self, out: &mut String, value: &Value) {
+        self.limit = self.limit.saturating_add(out.len());
+        std::mem::swap(&mut self.out, out);
+        self.written(value, 0);
+        std::mem::swap(&mut self.out, out);
+    }
+
     /// The text of one value.
     #[must_use]
     pub fn text(mut self, value: &Value) -> String {
@@ -219,8 +227,7 @@ impl<'a> Printer<'a> {
             Imm::Bool(true) => self.put("true"),
             Imm::Bool(false) => self.put("false"),
             Imm::Int(i) => {
-                let text = i.to_string();
-                self.put(&text);
+                self.put(itoa::Buffer::new().format(i));
             }
             Imm::Float(f) => self.put(&float(f)),
             Imm::Symbol(name) | Imm::Var(name) => self.name(&name),

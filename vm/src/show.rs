@@ -32,6 +32,23 @@ pub fn params(program: &Program, tree: &Tree, rec: RecId) -> Vec<(Symbol, Value)
     named(program, tree, rec, tree.args(rec))
 }
 
+/// Visits what [`params`] gives, without a list in between.
+pub(crate) fn each_named(program: &Program, tree: &Tree, rec: RecId, visit: &mut dyn FnMut(&str, &Value)) {
+    let record = tree.record(rec);
+    let names = match record.kind {
+        NodeKind::Action => &[],
+        _ => plan_params(program, tree, rec).map_or(&[][..], |params| &params.names),
+    };
+    for at in 0..record.args() {
+        let Some(value) = tree.arg(rec, at).filter(|value| !value.is_unset()) else { continue };
+        match names.get(usize::from(at)) {
+            Some(name) => visit(name, value),
+            None if record.kind == NodeKind::Action && at == 0 => visit(DESCRIPTION, value),
+            None => visit(itoa::Buffer::new().format(at), value),
+        }
+    }
+}
+
 /// The arguments of a record as its call gives them: called with these, the plan gets them again.
 #[must_use]
 pub fn written(program: &Program, tree: &Tree, rec: RecId) -> Vec<Value> {

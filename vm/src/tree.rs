@@ -817,6 +817,11 @@ impl Tree {
     pub fn slots(&self) -> impl Iterator<Item = SlotId> + use<> {
         (ROOT.0..self.slots.len as u32).map(SlotId)
     }
+    /// The slot that was made last.
+    #[must_use]
+    pub fn last_slot(&self) -> SlotId {
+        SlotId(self.slots.len as u32 - 1)
+    }
     /// The number of the record that the place of a slot among its siblings comes from; 0 if this run has
     /// not reached it.
     #[must_use]

@@ -73,7 +73,14 @@ impl StoreError {
                 "name a store, or a file that is not there yet: `pleach run FILE --store STORE` makes it"
                     .into()
             }
-            StoreError::Format { .. } => "use the pleach that wrote it".into(),
+            StoreError::Format { path, found } if *found < crate::schema::FORMAT => {
+                let path = path.display();
+                format!(
+                    "take its trees over: `pleach store export {path} FILE` with the pleach that wrote it, then \
+                     `pleach store import NEW FILE` with this one"
+                )
+            }
+            StoreError::Format { .. } => "use the pleach that wrote it, or a newer one".into(),
             StoreError::Busy { .. } => "wait until it has ended, or use another store".into(),
             StoreError::Damaged { path, .. } => {
                 let path = path.display();

@@ -31,6 +31,9 @@ pub fn is_store(path: &Path) -> bool {
 /// How long a call waits for another process to finish a transaction, in milliseconds.
 const PATIENCE_MS: u64 = 5000;
 
+/// Bytes of a page: chunks of rows are larger than SQLite expects.
+const PAGE: i64 = 16 * 1024;
+
 /// Memory for pages of the file; a number below 0 is one of KiB.
 const CACHE_KIB: i64 = -32 * 1024;
 
@@ -102,6 +105,7 @@ impl Store {
     }
 
     fn create(&self) -> rusqlite::Result<()> {
+        self.db.pragma_update(None, "page_size", PAGE)?;
         self.db.execute_batch("BEGIN IMMEDIATE")?;
         for (_, text) in TABLES.iter().chain(VIEWS) {
             self.db.execute_batch(text)?;

@@ -3,12 +3,12 @@
 use rusqlite::{Row, params};
 use serde_json::{Value as Json, json};
 use vm::log::{Entry, Log};
-use vm::persist::{SavedEdit, SavedRecord, SavedSlot, SavedTree};
+use vm::persist::{Outline, Outlined, SavedEdit, SavedTree, chunk};
 
 use crate::error::StoreError;
 use crate::open::Store;
 use crate::sum::Sum;
-use crate::write::{Source, edit_sum, record_sum, slot_sum};
+use crate::write::{Source, chunk_sum, edit_sum, outline_sum};
 
 /// A version of a tree.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -78,6 +78,8 @@ enum Trouble {
     Sqlite(rusqlite::Error),
     /// The row of this number is not what was written, or not there.
     Row(i64, &'static str),
+    /// The rows of a chunk that begins with this one.
+    Rows(i64, &'static str),
 }
 
 impl From<rusqlite::Error> for Trouble {
@@ -278,8 +280,10 @@ impl Store {
     /// # Errors
     /// A row is damaged or missing.
     pub fn tree(&self, of: &VersionRow) -> Result<SavedTree, StoreError> {
-        let slots = self.slots(of).map_err(|it| self.within(of, Some("slots"), it, "`slots`"))?;
-        let records = self.records(of).map_err(|it| self.within(of, Some("records"), it, "`records`"))?;
+        let slots = self.rows(of, "slots", of.slots, chunk::slots);
+        let slots = slots.map_err(|it| self.within(of, Some("slots"), it, "`slots`"))?;
+        let records = self.rows(of, "records", of.records, chunk::records);
+        let records = records.map_err(|it| self.within(of, Some("records"), it, "`records`"))?;
         let edits = self.edits(of)?;
         Ok(SavedTree {
             slots,
@@ -288,52 +292,65 @@ impl Store {
         })
     }
 
-    fn slots(&self, of: &VersionRow) -> Rows<SavedSlot> {
-        let mut statement = self.db.prepare(
-            "SELECT slot, parent, name, site, steps, place, sum FROM slots WHERE id = ? AND slot <= ? ORDER BY slot",
-        )?;
-        let rows = statement.query_map([of.id, of.slots], |row| {
-            let site: String = row.get(3)?;
-            let slot = SavedSlot {
-                slot: row.get(0)?,
-                parent: row.get(1)?,
-                name: row.get(2)?,
-                site: u64::from_str_radix(&site, 16).unwrap_or_default(),
-                steps: row.get(4)?,
-                place: row.get(5)?,
-            };
-            let fits = slot_sum(of.id, &slot, &site) == row.get::<_, i64>(6)?;
-            Ok((slot, fits))
-        })?;
-        gapless(of.slots, rows, |it| (i64::from(it.0.slot), it)).and_then(all_fit)
+    /// The tasks of a version as they stand in its tree. Nothing if it was not written to its end: then they are known from
+    /// its rows only.
+    ///
+    /// # Errors
+    /// The outline is damaged.
+    pub fn outline(&self, of: &VersionRow) -> Result<Option<Vec<Outlined>>, StoreError> {
+        let read = || -> Result<Option<Vec<Outlined>>, Trouble> {
+            let mut statement = self
+                .db
+                .prepare("SELECT batch, sum, words, tasks FROM outlines WHERE id = ? AND batch = ?")?;
+            let mut rows = statement.query([of.id, of.batches])?;
+            let Some(row) = rows.next()? else { return Ok(None) };
+            let text = || -> rusqlite::Result<&str> { Ok(row.get_ref(2)?.as_str()?) };
+            let blob = || -> rusqlite::Result<&[u8]> { Ok(row.get_ref(3)?.as_blob()?) };
+            let (words, tasks) = (text()?, blob()?);
+            let fits = outline_sum(of.id, row.get(0)?, words, tasks) == row.get::<_, i64>(1)?;
+            match Outline::read(words, tasks).filter(|_| fits) {
+                Some(tasks) => Ok(Some(tasks)),
+                None => Err(Trouble::Row(of.id, "is not what was written")),
+            }
+        };
+        read().map_err(|it| self.within(of, None, it, "`outlines`"))
     }
 
-    fn records(&self, of: &VersionRow) -> Rows<SavedRecord> {
+    /// The rows of all chunks of a version, of which `most` are said to be there.
+    fn rows<T>(
+        &self,
+        of: &VersionRow,
+        what: &str,
+        most: i64,
+        read: fn(&str, &str, u32) -> Option<Vec<T>>,
+    ) -> Rows<T> {
         let mut statement = self.db.prepare(
-            "SELECT record, slot, parent, attempt, kind, status, why, start_ns, end_ns, params, value, failure, more, sum \
-             FROM records WHERE id = ? AND record <= ? ORDER BY record",
+            "SELECT first, count, sum, words, content FROM chunks WHERE id = ? AND what = ? ORDER BY first",
         )?;
-        let rows = statement.query_map([of.id, of.records], |row| {
-            let word = |at| row.get::<_, String>(at).map(std::borrow::Cow::Owned);
-            let record = SavedRecord {
-                record: row.get(0)?,
-                slot: row.get(1)?,
-                parent: row.get(2)?,
-                attempt: row.get(3)?,
-                kind: word(4)?,
-                status: word(5)?,
-                why: word(6)?,
-                start_ns: row.get::<_, i64>(7)? as u64,
-                end_ns: row.get::<_, Option<i64>>(8)?.map(|ns| ns as u64),
-                params: row.get(9)?,
-                value: row.get(10)?,
-                failure: row.get(11)?,
-                more: row.get(12)?,
-            };
-            let fits = record_sum(of.id, &record) == row.get::<_, i64>(13)?;
-            Ok((record, fits))
-        })?;
-        gapless(of.records, rows, |it| (i64::from(it.0.record), it)).and_then(all_fit)
+        let mut rows = statement.query(params![of.id, what])?;
+        // Room is made for what is there, not for what is said to be.
+        let mut found: Vec<T> = Vec::new();
+        while let Some(row) = rows.next()? {
+            let expected = found.len() as i64 + 1;
+            let (first, count): (u32, u32) = (row.get(0)?, row.get(1)?);
+            if i64::from(first) != expected {
+                break;
+            }
+            let text = |at| -> rusqlite::Result<&str> { Ok(row.get_ref(at)?.as_str()?) };
+            let (words, content) = (text(3)?, text(4)?);
+            let fits = chunk_sum(of.id, what, first, count, words, content) == row.get::<_, i64>(2)?;
+            match read(words, content, first).filter(|rows| fits && rows.len() as u32 == count) {
+                Some(mut rows) => found.append(&mut rows),
+                None => return Err(Trouble::Rows(expected, "are not what was written")),
+            }
+        }
+        match found.len() as i64 {
+            len if len < most => Err(Trouble::Rows(len + 1, "are not there")),
+            _ => {
+                found.truncate(usize::try_from(most).unwrap_or(0));
+                Ok(found)
+            }
+        }
     }
 
     /// The edits of a version; those that hold no more have a reason.
@@ -378,6 +395,7 @@ impl Store {
             let version = &self.fitting_version(row)?;
             let tree = self.tree(version)?;
             tree.json().map_err(|what| self.damaged(version, None, what))?;
+            self.outline(version)?;
             self.log(version)?;
             match self.run(version) {
                 Ok(run) => drop(self.program(version, &run.program)?),
@@ -409,7 +427,8 @@ impl Store {
         let mut work = || -> rusqlite::Result<()> {
             let all = self.db.transaction()?;
             for id in versions {
-                for table in ["versions", "runs", "batches", "log", "slots", "records", "edits", "decisions"]
+                for table in
+                    ["versions", "runs", "batches", "log", "chunks", "outlines", "edits", "decisions"]
                 {
                     all.execute(&format!("DELETE FROM {table} WHERE id = ?"), [id])?;
                 }
@@ -432,6 +451,10 @@ impl Store {
             Trouble::Row(number, problem) => {
                 let batch = count.and_then(|count| self.batch_of(of, count, number));
                 self.damaged(of, batch, format!("row {number} of {table} {problem}"))
+            }
+            Trouble::Rows(number, problem) => {
+                let batch = count.and_then(|count| self.batch_of(of, count, number));
+                self.damaged(of, batch, format!("rows of {table} from {number} on {problem}"))
             }
             Trouble::Sqlite(error) => match StoreError::of(&self.path, self.writes, &error) {
                 StoreError::Damaged { what, .. } => self.damaged(of, None, format!("{what}, in {table}")),

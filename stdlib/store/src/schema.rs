@@ -2,7 +2,7 @@
 //! a trigger, is not used.
 
 /// The number of the format, in the file as `user_version`.
-pub const FORMAT: i64 = 1;
+pub const FORMAT: i64 = 2;
 /// What tells a store from other SQLite files, as `application_id`: "PLCH".
 pub const APPLICATION: i64 = 0x504c_4348;
 
@@ -49,22 +49,18 @@ pub const TABLES: &[(&str, &str)] = &[
 ) STRICT, WITHOUT ROWID",
     ),
     (
-        "slots",
-        "CREATE TABLE slots (
-  id INTEGER NOT NULL, slot INTEGER NOT NULL, parent INTEGER NOT NULL, name TEXT NOT NULL,
-  site TEXT NOT NULL, steps TEXT NOT NULL, place INTEGER NOT NULL, sum INTEGER NOT NULL,
-  PRIMARY KEY (id, slot)
-) STRICT, WITHOUT ROWID",
+        "chunks",
+        "CREATE TABLE chunks (
+  id INTEGER NOT NULL, what TEXT NOT NULL, first INTEGER NOT NULL, count INTEGER NOT NULL,
+  sum INTEGER NOT NULL, words TEXT NOT NULL, content TEXT NOT NULL,
+  PRIMARY KEY (id, what, first)
+) STRICT",
     ),
     (
-        "records",
-        "CREATE TABLE records (
-  id INTEGER NOT NULL, record INTEGER NOT NULL, slot INTEGER NOT NULL, parent INTEGER NOT NULL,
-  attempt INTEGER NOT NULL, kind TEXT NOT NULL, status TEXT NOT NULL, why TEXT NOT NULL,
-  start_ns INTEGER NOT NULL, end_ns INTEGER, params TEXT NOT NULL, value TEXT, failure TEXT, more TEXT,
-  sum INTEGER NOT NULL,
-  PRIMARY KEY (id, record)
-) STRICT, WITHOUT ROWID",
+        "outlines",
+        "CREATE TABLE outlines (
+  id INTEGER PRIMARY KEY, batch INTEGER NOT NULL, sum INTEGER NOT NULL, words TEXT NOT NULL, tasks BLOB NOT NULL
+) STRICT",
     ),
     (
         "edits",
@@ -94,19 +90,42 @@ SELECT versions.id, tree, version, file, plan, seed, schedule, robot, outcome, v
 FROM versions LEFT JOIN runs ON runs.id = versions.id ORDER BY versions.id",
     ),
     (
+        "slots",
+        "CREATE VIEW slots AS
+SELECT chunks.id AS id, first + row.key AS slot, json_extract(row.value, '$[0]') AS parent,
+  json_extract(words, '$[' || json_extract(row.value, '$[1]') || ']') AS name,
+  json_extract(words, '$[' || json_extract(row.value, '$[2]') || ']') AS site,
+  nullif(json_extract(row.value, '$[4]'), 0) AS steps, first + row.key + json_extract(row.value, '$[3]') AS place
+FROM chunks, json_each(content) AS row WHERE what = 'slots'",
+    ),
+    (
+        "records",
+        "CREATE VIEW records AS
+SELECT chunks.id AS id, first + row.key AS record, first + row.key + json_extract(row.value, '$[0]') AS slot,
+  json_extract(row.value, '$[1]') AS parent, json_extract(row.value, '$[2]') AS attempt,
+  json_extract(words, '$[' || json_extract(row.value, '$[3]') || ']') AS name,
+  json_extract(words, '$[' || json_extract(row.value, '$[4]') || ']') AS kind,
+  json_extract(words, '$[' || json_extract(row.value, '$[5]') || ']') AS status,
+  json_extract(words, '$[' || json_extract(row.value, '$[6]') || ']') AS why,
+  json_extract(row.value, '$[7]') AS start_ns, json_extract(row.value, '$[8]') AS end_ns,
+  nullif(json_extract(row.value, '$[9]'), 0) AS params, nullif(json_extract(row.value, '$[10]'), 0) AS value,
+  nullif(json_extract(row.value, '$[11][0]'), 0) AS failure, nullif(json_extract(row.value, '$[11][1]'), 0) AS more
+FROM chunks, json_each(content) AS row WHERE what = 'records'",
+    ),
+    (
         "tasks",
         "CREATE VIEW tasks AS
-SELECT tree, version, records.record, records.slot, slots.parent AS parent_slot, slots.name, kind, status, why,
-  attempt, start_ns / 1e9 AS start_s, end_ns / 1e9 AS end_s, (end_ns - start_ns) / 1e9 AS seconds, params, value,
-  failure
-FROM versions JOIN records ON records.id = versions.id
-JOIN slots ON slots.id = records.id AND slots.slot = records.slot ORDER BY versions.id, records.record",
+SELECT tree, version, record, slot, parent, name, kind, status, why, attempt, start_ns / 1e9 AS start_s,
+  end_ns / 1e9 AS end_s, (end_ns - start_ns) / 1e9 AS seconds, params, value, failure
+FROM versions JOIN records ON records.id = versions.id",
     ),
     (
         "changes",
         "CREATE VIEW changes AS
-SELECT tree, version, number, slots.name, edit, origin, orphan
-FROM edits JOIN versions ON versions.id = edits.id
-LEFT JOIN slots ON slots.id = edits.id AND slots.slot = edits.slot ORDER BY versions.id, number",
+SELECT tree, version, number, (
+    SELECT json_extract(words, '$[' || json_extract(content, '$[' || (slot - first) || '][1]') || ']')
+    FROM chunks WHERE chunks.id = edits.id AND what = 'slots' AND first <= slot AND slot < first + count
+  ) AS name, edit, origin, orphan
+FROM edits JOIN versions ON versions.id = edits.id ORDER BY versions.id, number",
     ),
 ];

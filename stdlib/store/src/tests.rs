@@ -3,10 +3,13 @@
 use std::path::PathBuf;
 
 use rusqlite::Connection;
+use vm::code::Program;
 use vm::log::{Entry, Event, Question};
-use vm::persist::{SavedEdit, SavedRecord, SavedSlot, SavedTree};
+use vm::persist::{Outline, SavedEdit, SavedRecord, SavedSlot, SavedTree};
+use vm::tree::Tree;
 
-use crate::{Begin, Store, StoreError, Writer};
+use crate::schema::FORMAT;
+use crate::{Begin, Fault, Store, StoreError, Writer};
 
 /// A folder of its own, which goes with the test.
 struct Folder(PathBuf);
@@ -89,7 +92,7 @@ fn made(name: &str) -> (Folder, PathBuf, Vec<SavedTree>) {
 
 /// A store with two versions of a tree and a run with a log.
 fn make(path: &std::path::Path) -> Vec<SavedTree> {
-    let trees = vec![tree(200, "milk"), tree(150, "cup")];
+    let trees = vec![tree(1500, "milk"), tree(1100, "cup")];
     for tree in &trees {
         Writer::put(Store::write(path).expect("it opens"), "kitchen", None, tree, "program")
             .expect("it is written");
@@ -110,12 +113,46 @@ fn what_is_written_is_read() {
     assert_eq!(names, ["kitchen@1", "kitchen@2", "run-3@1"]);
     for (version, tree) in versions.iter().zip(&trees) {
         assert_eq!(&store.tree(version).expect("it is whole"), tree);
+        let tasks = store.outline(version).expect("it is whole").expect("it is there");
+        assert_eq!(tasks.len(), tree.records.len());
+        assert_eq!((tasks[2].parent, tasks[2].name.as_str()), (1, "fetching"));
         assert_eq!(SavedTree::from_rows(&tree.rows()).as_ref(), Ok(tree));
     }
     let log = store.log(&versions[2]).expect("it is whole");
     assert_eq!(log.entries, (1..50).map(entry).collect::<Vec<_>>());
     assert!(store.check_pages().is_none());
     assert!(store.check().expect("it is read").iter().all(|it| it.trouble.is_none()));
+}
+
+#[test]
+fn others_see_plain_tables() {
+    let (_folder, path, trees) = made("views");
+    let db = Connection::open(&path).expect("it opens");
+    let texts = |select: &str| -> Vec<String> {
+        let mut statement = db.prepare(select).unwrap_or_else(|error| panic!("{select}: {error}"));
+        let rows = statement.query_map([], |row| row.get(0)).expect("it is asked");
+        rows.map(|row| row.expect("it is a text")).collect()
+    };
+    let count = |select: &str| db.query_row(select, [], |row| row.get::<_, usize>(0));
+    assert_eq!(count("SELECT count(*) FROM records WHERE id = 1"), Ok(trees[0].records.len()));
+    assert_eq!(count("SELECT count(DISTINCT slot) FROM slots WHERE id = 2"), Ok(trees[1].slots.len()));
+    let tasks = texts(
+        "SELECT concat_ws(' ', record, slot, parent, name, kind, status, why, attempt, start_s, end_s, seconds, params, value, failure)
+         FROM tasks WHERE tree = 'kitchen' AND version = 2 AND record IN (1, 2, 1030) ORDER BY record",
+    );
+    assert_eq!(
+        tasks,
+        [
+            "1 1 0 top-level plan succeeded  1 0.001 0.002 0.001 {\"n\":\"1\"} \"cup 1\"",
+            "2 2 1 main plan succeeded  1 0.002 0.004 0.002 {\"n\":\"2\"} \"cup 2\"",
+            "1030 1030 2 fetching plan succeeded  1 1.03 2.06 1.03 {\"n\":\"1030\"} \"cup 1030\""
+        ]
+    );
+    let slots = "SELECT concat_ws(' ', slot, parent, name, site, steps, place) FROM slots WHERE id = 1 AND slot = 1025";
+    assert_eq!(texts(slots), ["1025 2 fetching 0004010000000000 1025"]);
+    assert_eq!(texts("SELECT concat_ws(' ', tree, name, edit) FROM changes WHERE version = 1").len(), 1);
+    assert_eq!(texts("SELECT name FROM changes"), ["fetching", "fetching"]);
+    assert_eq!(texts("SELECT tree FROM history"), ["kitchen", "kitchen", "run-3"]);
 }
 
 /// A small generator of numbers, the same in each run.
@@ -140,6 +177,13 @@ fn look_at(path: &std::path::Path, trees: &[SavedTree]) -> bool {
                 all_well = false;
                 assert!(!error.to_string().is_empty());
             }
+        }
+    }
+    for (version, tree) in (1..).zip(trees) {
+        let read = store.version("kitchen", Some(version)).and_then(|row| store.outline(&row));
+        if let Ok(Some(tasks)) = read {
+            let outline = Outline::of_saved(tree).expect("it has one");
+            assert_eq!(Some(tasks), Outline::read(&outline.words, &outline.tasks));
         }
     }
     if let Ok(version) = store.version("run-3", None)
@@ -194,9 +238,9 @@ fn damage_of_2000_kinds_is_an_error_or_changes_nothing() {
 fn an_error_names_tree_version_and_batch() {
     let (_folder, path, trees) = made("names");
     let db = Connection::open(&path).expect("it opens");
-    db.execute("UPDATE records SET value = '\"wine\"' WHERE id = 2 AND record = 77", [])
-        .expect("it is changed");
-    db.execute("DELETE FROM slots WHERE id = 1 AND slot = 5", []).expect("it is changed");
+    let change = "UPDATE chunks SET content = replace(content, 'cup 77', 'cup 78') WHERE id = 2";
+    assert_eq!(db.execute(change, []), Ok(4), "all chunks of the version");
+    db.execute("DELETE FROM chunks WHERE id = 1 AND what = 'slots'", []).expect("it is changed");
     drop(db);
     let store = Store::read(&path).expect("it opens");
     let read = |version| store.version("kitchen", Some(version)).and_then(|row| store.tree(&row));
@@ -205,11 +249,11 @@ fn an_error_names_tree_version_and_batch() {
     };
     assert_eq!(
         words(2),
-        "the store F is damaged: tree kitchen, version 2, batch 1: row 77 of `records` is not what was written"
+        "the store F is damaged: tree kitchen, version 2, batch 1: rows of `records` from 1 on are not what was written"
     );
     assert_eq!(
         words(1),
-        "the store F is damaged: tree kitchen, version 1, batch 1: row 5 of `slots` is not there"
+        "the store F is damaged: tree kitchen, version 1, batch 1: rows of `slots` from 1 on are not there"
     );
     let bad = store.check().expect("it is read").iter().filter(|it| it.trouble.is_some()).count();
     assert_eq!((bad, trees.len()), (2, 2));
@@ -218,33 +262,41 @@ fn an_error_names_tree_version_and_batch() {
 #[test]
 fn each_call_may_fail() {
     let folder = Folder::new("fails");
-    let mut at = 1;
-    loop {
-        let path = folder.file(&format!("{at}.store"));
-        let mut writer =
-            Writer::begin(Store::write(&path).expect("it opens"), Begin::default()).expect("it begins");
-        writer.fails_at = Some(writer.calls() + at);
-        let mut done = true;
-        for batch in 0..4 {
-            (1..4).for_each(|it| writer.logged(&entry(10 * batch + it)));
-            if let Err(error) = writer.write_log() {
-                assert!(error.to_string().contains("the disk is full"), "{error}");
-                done = false;
-                break;
-            }
+    for (fault, why) in [
+        (Fault::Full, "the disk is full"),
+        (Fault::Broken, "input or output failed"),
+        (Fault::Locked, "holds it"),
+    ] {
+        let mut at = 1;
+        while fail_at(&folder.file(&format!("{fault:?}-{at}.store")), at, fault, why) {
+            at += 1;
         }
-        drop(writer);
-        let store = Store::read(&path).expect("it opens");
-        let findings = store.check().expect("it is read");
-        assert_eq!(findings.len(), 1);
-        assert_eq!(findings[0].trouble, None);
-        assert_eq!(findings[0].version.entries % 3, 0, "batches are whole");
-        if done {
+        assert!(at > 20);
+    }
+}
+
+/// A run whose call of this number fails. False if there were not so many calls.
+fn fail_at(path: &std::path::Path, at: u64, fault: Fault, why: &str) -> bool {
+    let mut writer =
+        Writer::begin(Store::write(path).expect("it opens"), Begin::default()).expect("it begins");
+    writer.fails_at = Some((writer.calls() + at, fault));
+    let mut failed = false;
+    for batch in 0..4 {
+        (1..4).for_each(|it| writer.logged(&entry(10 * batch + it)));
+        if let Err(error) = writer.write_log() {
+            assert!(matches!(error, StoreError::Cannot { write: true, .. }), "{error}");
+            assert!(error.to_string().contains(why), "{error}");
+            failed = true;
             break;
         }
-        at += 1;
     }
-    assert!(at > 20);
+    drop(writer);
+    let store = Store::read(path).expect("it opens");
+    let findings = store.check().expect("it is read");
+    assert_eq!(findings.len(), 1);
+    assert_eq!(findings[0].trouble, None);
+    assert_eq!(findings[0].version.entries % 3, 0, "batches are whole");
+    failed
 }
 
 #[test]
@@ -262,10 +314,15 @@ fn one_writes_others_read() {
 #[test]
 fn nothing_in_a_file_runs() {
     let hostile = [
-        "CREATE TRIGGER t AFTER INSERT ON log BEGIN DELETE FROM records; END",
-        "DROP TABLE edits; CREATE VIEW edits AS SELECT * FROM slots",
+        "CREATE TRIGGER t AFTER INSERT ON log BEGIN DELETE FROM chunks; END",
+        "DROP TABLE edits; CREATE VIEW edits AS SELECT * FROM log",
         "DROP TABLE log; CREATE TABLE log (id INTEGER, entry INTEGER CHECK (abs(entry) > 0))",
-        "CREATE INDEX i ON records (abs(record))",
+        "CREATE INDEX i ON chunks (abs(first))",
+        "DROP TABLE chunks; CREATE VIEW chunks AS SELECT 1 AS id, 'slots' AS what",
+        "DROP VIEW records; CREATE VIEW records AS SELECT 1 AS id;
+         CREATE TRIGGER t INSTEAD OF INSERT ON records BEGIN DELETE FROM log; END",
+        "DROP TABLE edits; CREATE TABLE edits (id INTEGER, number INTEGER AS (abs(id)))",
+        "ALTER TABLE batches ADD COLUMN more TEXT AS (hex(steps))",
     ];
     for text in hostile {
         let folder = Folder::new("hostile");
@@ -282,9 +339,12 @@ fn nothing_in_a_file_runs() {
     let folder = Folder::new("harmless");
     let path = folder.file("a.store");
     make(&path);
-    let mine = "CREATE VIEW mine AS SELECT count(*) FROM tasks; CREATE TABLE notes (text TEXT)";
+    // What is only looked at by others is nothing to us, whatever it calls itself.
+    let mine = "DROP VIEW tasks; CREATE VIEW tasks AS SELECT load_extension('x') AS name;
+        CREATE VIEW mine AS SELECT count(*) FROM tasks; CREATE TABLE notes (text TEXT)";
     Connection::open(&path).and_then(|db| db.execute_batch(mine)).expect("it is added");
-    assert!(Store::read(&path).is_ok());
+    let store = Store::read(&path).expect("it opens");
+    assert!(store.check().expect("it is read").iter().all(|it| it.trouble.is_none()));
 }
 
 #[test]
@@ -297,12 +357,96 @@ fn other_files_are_refused() {
     let other = folder.file("other.db");
     Connection::open(&other).and_then(|db| db.execute_batch("CREATE TABLE t (x)")).expect("it is made");
     assert!(matches!(Store::write(&other).err(), Some(StoreError::Foreign { .. })));
-    let newer = folder.file("newer.store");
-    make(&newer);
-    Connection::open(&newer).and_then(|db| db.pragma_update(None, "user_version", 2)).expect("it is changed");
-    assert!(matches!(Store::read(&newer).err(), Some(StoreError::Format { found: 2, .. })));
     assert!(matches!(Store::read(&folder.file("none")).err(), Some(StoreError::Cannot { .. })));
     assert!(matches!(Store::write(&folder.file("no/none")).err(), Some(StoreError::Cannot { .. })));
+}
+
+#[test]
+fn other_formats_are_refused_with_what_to_do() {
+    let (_folder, path, _) = made("formats");
+    for (format, help) in [(1, "pleach store export"), (FORMAT + 1, "a newer one")] {
+        let set = |db: Connection| db.pragma_update(None, "user_version", format);
+        Connection::open(&path).and_then(set).expect("it is changed");
+        for opened in [Store::read(&path), Store::write(&path)] {
+            let error = opened.err().expect("it is refused");
+            let words = format!("is a store of format {format}; this pleach reads format {FORMAT}");
+            assert!(error.to_string().ends_with(&words), "{error}");
+            assert!(error.help().is_some_and(|it| it.contains(help)), "{:?}", error.help());
+        }
+    }
+}
+
+#[test]
+fn a_folder_in_which_nothing_can_be_made() {
+    let (folder, path, trees) = made("closed");
+    // Whoever runs the test may be above permissions; nobody is above these.
+    for closed in [path.join("below-a-file.store"), PathBuf::from("/proc/self/a.store")] {
+        for opened in [Store::read(&closed), Store::write(&closed)] {
+            match opened.err() {
+                Some(error @ StoreError::Cannot { .. }) => assert!(error.to_string().contains("store")),
+                other => panic!("{}: {other:?}", closed.display()),
+            }
+        }
+    }
+    let set = |mode: u32| {
+        use std::os::unix::fs::PermissionsExt as _;
+        std::fs::set_permissions(&folder.0, std::fs::Permissions::from_mode(mode)).expect("it is set");
+    };
+    set(0o555);
+    let may_write = std::fs::write(folder.file("try"), "").is_ok();
+    let (read, write) = (Store::read(&path), Store::write(&folder.file("new.store")));
+    set(0o755);
+    let tree = read.and_then(|store| store.version("kitchen", None).and_then(|row| store.tree(&row)));
+    assert_eq!(tree.as_ref(), Ok(&trees[1]));
+    match write.err() {
+        Some(StoreError::Cannot { why, .. }) => assert_eq!(why, "there is no permission"),
+        other => assert!(may_write, "{other:?}"),
+    }
+}
+
+#[test]
+fn a_reader_that_takes_long_does_not_stop_the_writer() {
+    let (_folder, path, _) = made("long");
+    let reader = Connection::open(&path).expect("it opens");
+    reader.execute_batch("BEGIN").expect("it begins");
+    let count = || reader.query_row("SELECT count(*) FROM log", [], |row| row.get::<_, i64>(0));
+    let before = count();
+    let mut writer =
+        Writer::begin(Store::write(&path).expect("it opens"), Begin::default()).expect("it begins");
+    for at in 1..200 {
+        writer.logged(&entry(at));
+        assert_eq!(writer.write_log(), Ok(()));
+    }
+    drop(writer);
+    assert_eq!(count(), before, "a reader sees one moment");
+    drop(reader);
+    let store = Store::read(&path).expect("it opens");
+    assert_eq!(store.last().map(|it| it.entries), Ok(199));
+}
+
+#[test]
+fn an_outline_of_an_earlier_moment_is_not_used() {
+    let folder = Folder::new("outline");
+    let path = folder.file("a.store");
+    let mut writer =
+        Writer::begin(Store::write(&path).expect("it opens"), Begin::default()).expect("it begins");
+    let tasks = || {
+        let store = Store::read(&path).expect("it opens");
+        let version = store.last().expect("it is there");
+        store.outline(&version).expect("it is whole").map(|tasks| tasks.len())
+    };
+    assert_eq!(tasks(), None);
+    let (program, tree) = (Program::default(), Tree::default());
+    writer.end(&program, &tree, 1, 0, "stopped", None).expect("it is written");
+    assert_eq!(tasks(), Some(1));
+    writer.logged(&entry(1));
+    writer.write_log().expect("it is written");
+    assert_eq!(tasks(), None);
+    drop(writer);
+    let empty =
+        Writer::put(Store::write(&path).expect("it opens"), "empty", None, &SavedTree::default(), "import");
+    drop(empty.expect("it is written"));
+    assert_eq!(tasks(), None);
 }
 
 #[test]

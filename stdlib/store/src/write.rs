@@ -4,12 +4,15 @@
 //! and records that were made, and those records that had been open and are final now.
 
 use std::cell::Cell;
+use std::collections::BTreeSet;
 
 use rusqlite::params;
+use rustc_hash::FxHashMap;
 use vm::code::Program;
 use vm::log::{Entry, Log};
-use vm::persist::{self, SavedEdit, SavedRecord, SavedSlot, SavedTree};
-use vm::tree::{RecId, Tree};
+use vm::persist::chunk::{self, Chunk, Packer};
+use vm::persist::{self, Outline, SavedEdit, SavedTree, Word};
+use vm::tree::{RecId, SlotId, Tree};
 
 use crate::error::StoreError;
 use crate::open::Store;
@@ -90,6 +93,30 @@ fn begin_of(run: &RunRow) -> Begin {
     }
 }
 
+/// What a call of the store can come to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Fault {
+    /// The disk is full.
+    Full,
+    /// It cannot be read or written.
+    Broken,
+    /// Another process holds the file, for too long.
+    Locked,
+}
+
+impl Fault {
+    /// All of them.
+    pub const ALL: &[Fault] = &[Fault::Full, Fault::Broken, Fault::Locked];
+
+    fn code(self) -> std::ffi::c_int {
+        match self {
+            Fault::Full => rusqlite::ffi::SQLITE_FULL,
+            Fault::Broken => rusqlite::ffi::SQLITE_IOERR_WRITE,
+            Fault::Locked => rusqlite::ffi::SQLITE_BUSY,
+        }
+    }
+}
+
 /// Writes a version of a tree.
 pub struct Writer {
     store: Store,
@@ -108,8 +135,13 @@ pub struct Writer {
     records: u32,
     /// Records that were written before they were final.
     open: Vec<RecId>,
-    /// Records whose rows may say more at the end of the run.
-    late: Vec<RecId>,
+    /// What was said of records that may be more at the end of the run.
+    late: FxHashMap<RecId, u64>,
+    packer: Packer,
+    /// Memory of [`Writer::write_tree`].
+    moved: Vec<RecId>,
+    /// Rows of the last batch: all, and those that had not been written before.
+    rows: (u32, u32),
     edits: i64,
     entries: i64,
     pending: Vec<Entry>,
@@ -118,11 +150,14 @@ pub struct Writer {
     /// While the run is replayed nothing is written: the file has it.
     silent_until: u64,
     calls: Cell<u64>,
-    /// For tests: the call of the store that fails.
-    pub fails_at: Option<u64>,
+    /// For tests: the call of the store that fails, and how.
+    pub fails_at: Option<(u64, Fault)>,
     /// Fuel that was used when it was looked at last.
     looked: u64,
 }
+
+/// Trees with longer outlines have none, in bytes: SQLite keeps no more than a billion in one place.
+const MOST_OUTLINE: usize = 900_000_000;
 
 /// The tree of a run that goes on with none is called by its number.
 #[must_use]
@@ -176,7 +211,10 @@ impl Writer {
             places: Vec::new(),
             records: 0,
             open: Vec::new(),
-            late: Vec::new(),
+            late: FxHashMap::default(),
+            packer: Packer::default(),
+            moved: Vec::new(),
+            rows: (0, 0),
             edits: 0,
             entries: 0,
             pending: Vec::new(),
@@ -229,6 +267,13 @@ impl Writer {
         steps >= self.silent_until && (steps > self.looked || !self.pending.is_empty())
     }
 
+    /// Which part of the last batch had been written before.
+    #[must_use]
+    pub fn again(&self) -> f64 {
+        let (all, new) = self.rows;
+        f64::from(all - new.min(all)) / f64::from(all.max(1))
+    }
+
     /// Writes the entries that wait, and no more: the tree of the file may be behind its log.
     ///
     /// # Errors
@@ -276,6 +321,7 @@ impl Writer {
             it.write_entries()?;
             it.write_tree(program, tree)?;
             it.write_late(program, tree)?;
+            it.write_outline(Outline::of(tree))?;
             it.write_run(outcome, value, clock_ns)?;
             it.write_version(steps)
         })
@@ -304,12 +350,11 @@ impl Writer {
             .map_err(|error| store.error(&error))?;
         let mut writer = Writer::new(store, next, tree.into(), version, base, Begin::default());
         writer.in_batch(|it| {
-            saved.slots.iter().try_for_each(|row| it.write_slot(row))?;
-            saved.records.iter().try_for_each(|row| it.write_record(row))?;
+            it.write_saved(saved)?;
+            it.write_outline(Outline::of_saved(saved))?;
             for row in &saved.edits {
                 it.write_edit(i64::from(row.number), &made_by(row, origin), None)?;
             }
-            (it.slots, it.records) = (saved.slots.len() as u32, saved.records.len() as u32);
             it.edits = saved.edits.len() as i64;
             it.write_version(0)
         })?;
@@ -344,15 +389,14 @@ impl Writer {
                 to.write_run(&run.outcome, run.value.as_deref(), run.clock_ns as u64)?;
             }
             to.write_entries()?;
-            it.saved.slots.iter().try_for_each(|row| to.write_slot(row))?;
-            it.saved.records.iter().try_for_each(|row| to.write_record(row))?;
+            to.write_saved(&it.saved)?;
+            to.write_outline(Outline::of_saved(&it.saved))?;
             for row in &it.saved.edits {
                 to.write_edit(i64::from(row.number), row, None)?;
             }
             for (number, (edit, why)) in (1..).zip(&it.orphans) {
                 to.write_edit(-number, edit, Some(why))?;
             }
-            (to.slots, to.records) = (it.saved.slots.len() as u32, it.saved.records.len() as u32);
             to.edits = it.saved.edits.len() as i64;
             to.write_version(it.steps)
         })?;
@@ -394,11 +438,13 @@ impl Writer {
 
     fn count(&self) -> rusqlite::Result<()> {
         self.calls.set(self.calls.get() + 1);
-        if self.fails_at == Some(self.calls.get()) {
-            let full = rusqlite::ffi::Error::new(rusqlite::ffi::SQLITE_FULL);
-            return Err(rusqlite::Error::SqliteFailure(full, None));
+        match self.fails_at {
+            Some((at, fault)) if at == self.calls.get() => {
+                let error = rusqlite::ffi::Error::new(fault.code());
+                Err(rusqlite::Error::SqliteFailure(error, None))
+            }
+            _ => Ok(()),
         }
-        Ok(())
     }
 
     fn execute(&self, text: &str, values: impl rusqlite::Params) -> rusqlite::Result<()> {
@@ -469,25 +515,33 @@ impl Writer {
     }
 
     fn write_tree(&mut self, program: &Program, tree: &Tree) -> rusqlite::Result<()> {
-        let open = std::mem::take(&mut self.open);
-        for id in open {
-            match tree.record(id).status.is_final() {
-                true => self.write_one(program, tree, id)?,
-                false => self.open.push(id),
-            }
+        let is_final = |id: &RecId| tree.record(*id).status.is_final();
+        let mut records = BTreeSet::new();
+        let mut slots = BTreeSet::new();
+        for id in self.open.extract_if(.., |id| is_final(id)) {
+            records.insert(chunk::first_of(id.0));
+            self.moved.push(id);
         }
         let last = tree.len() as u32;
         for id in (self.records + 1..=last).map(RecId) {
-            self.write_one(program, tree, id)?;
-            if !tree.record(id).status.is_final() {
+            if !is_final(&id) {
                 self.open.push(id);
             }
+            self.moved.push(id);
         }
-        self.records = last;
-        for id in tree.slots().skip(self.slots as usize) {
-            self.slots = id.0;
-            self.write_slot_of(program, tree, id)?;
+        // A slot that was written stands elsewhere in this run.
+        for id in self.moved.drain(..) {
+            let slot = tree.record(id).slot;
+            if slot.0 <= self.slots && self.places.get(slot.0 as usize) != Some(&tree.place(slot)) {
+                slots.insert(chunk::first_of(slot.0));
+            }
         }
+        let (from, last_slot) = (self.slots + self.records, tree.last_slot().0);
+        records.extend(chunks_of(self.records + 1, last));
+        slots.extend(chunks_of(self.slots + 1, last_slot));
+        (self.slots, self.records) = (last_slot, last);
+        self.rows = (0, (last + last_slot).saturating_sub(from));
+        self.write_chunks(program, tree, records, slots)?;
         if self.edits == 0 && !tree.edits.is_empty() {
             for edit in persist::edits(program, tree) {
                 self.edits += 1;
@@ -497,85 +551,101 @@ impl Writer {
         Ok(())
     }
 
-    fn write_one(&mut self, program: &Program, tree: &Tree, id: RecId) -> rusqlite::Result<()> {
-        let row = persist::record(program, tree, id);
-        if row.failure.is_some() || row.more.is_some() {
-            self.late.push(id);
-        }
-        self.write_record(&row)?;
-        // A slot that was written stands elsewhere in this run.
-        let slot = tree.record(id).slot;
-        if slot.0 <= self.slots && self.places.get(slot.0 as usize) != Some(&tree.place(slot)) {
-            self.write_slot_of(program, tree, slot)?;
-        }
-        Ok(())
-    }
-
     /// What is said of failures and edits may be more at the end than when it was written.
     fn write_late(&mut self, program: &Program, tree: &Tree) -> rusqlite::Result<()> {
-        for id in std::mem::take(&mut self.open) {
-            self.write_record(&persist::record(program, tree, id))?;
-        }
-        for id in std::mem::take(&mut self.late) {
+        let mut records: BTreeSet<u32> = self.open.drain(..).map(|id| chunk::first_of(id.0)).collect();
+        let mut slots = BTreeSet::new();
+        for id in tree.records() {
             vm::failure::name_tasks(tree, &tree.record(id).value);
-            self.write_record(&persist::record(program, tree, id))?;
+            let late = chunk::late(program, tree, id);
+            if late != self.late.get(&id).copied().unwrap_or(0) {
+                records.insert(chunk::first_of(id.0));
+            }
         }
         for slot in tree.slots() {
             if self.places.get(slot.0 as usize) != Some(&tree.place(slot)) {
-                self.write_slot_of(program, tree, slot)?;
+                slots.insert(chunk::first_of(slot.0));
             }
+        }
+        self.write_chunks(program, tree, records, slots)
+    }
+
+    /// Writes chunks, each named by its first row. One that was written before is written again as a whole.
+    fn write_chunks(
+        &mut self,
+        program: &Program,
+        tree: &Tree,
+        records: BTreeSet<u32>,
+        slots: BTreeSet<u32>,
+    ) -> rusqlite::Result<()> {
+        self.places.resize(self.slots as usize + 1, u32::MAX);
+        for first in slots {
+            let last = self.slots.min(first + chunk::ROWS - 1);
+            for id in (first..=last).map(SlotId) {
+                self.packer.slot(program, tree, id);
+                self.places[id.0 as usize] = tree.place(id);
+            }
+            self.write_chunk("slots", first, last)?;
+        }
+        for first in records {
+            let last = self.records.min(first + chunk::ROWS - 1);
+            for id in (first..=last).map(RecId) {
+                let late = self.packer.record(program, tree, id);
+                if late != 0 {
+                    self.late.insert(id, late);
+                }
+            }
+            self.write_chunk("records", first, last)?;
         }
         Ok(())
     }
 
-    fn write_slot_of(
-        &mut self,
-        program: &Program,
-        tree: &Tree,
-        id: vm::tree::SlotId,
-    ) -> rusqlite::Result<()> {
-        let row = persist::slot(program, tree, id);
-        let at = id.0 as usize;
-        if self.places.len() <= at {
-            self.places.resize(at + 1, u32::MAX);
+    fn write_saved(&mut self, saved: &SavedTree) -> rusqlite::Result<()> {
+        (self.slots, self.records) = (saved.slots.len() as u32, saved.records.len() as u32);
+        for (at, rows) in saved.slots.chunks(chunk::ROWS as usize).enumerate() {
+            rows.iter().for_each(|row| self.packer.saved_slot(row));
+            let first = at as u32 * chunk::ROWS + 1;
+            self.write_chunk("slots", first, first + rows.len() as u32 - 1)?;
         }
-        self.places[at] = row.place;
-        self.write_slot(&row)
+        for (at, rows) in saved.records.chunks(chunk::ROWS as usize).enumerate() {
+            for row in rows {
+                let name = saved
+                    .slots
+                    .get((row.slot as usize).wrapping_sub(1))
+                    .map_or_else(Word::default, |slot| slot.name);
+                self.packer.saved_record(row, name);
+            }
+            let first = at as u32 * chunk::ROWS + 1;
+            self.write_chunk("records", first, first + rows.len() as u32 - 1)?;
+        }
+        Ok(())
     }
 
-    fn write_slot(&mut self, row: &SavedSlot) -> rusqlite::Result<()> {
-        let site = format!("{:016x}", row.site);
-        let sum = slot_sum(self.id, row, &site);
-        let id = self.id;
-        self.execute(
-            "INSERT OR REPLACE INTO slots VALUES (?, ?, ?, ?, ?, ?, ?, ?)",
-            params![id, row.slot, row.parent, row.name, site, row.steps, row.place, sum],
-        )
+    /// Whatever is written later, the outline is that of an earlier moment then, and not used.
+    fn write_outline(&mut self, outline: Option<Outline>) -> rusqlite::Result<()> {
+        let Some(Outline { words, tasks }) = outline.filter(|it| (1..MOST_OUTLINE).contains(&it.tasks.len()))
+        else {
+            return Ok(());
+        };
+        let (id, batch) = (self.id, self.batches);
+        let sum = outline_sum(id, batch, &words, &tasks);
+        let insert = "INSERT OR REPLACE INTO outlines VALUES (?, ?, ?, ?, ?)";
+        self.execute(insert, params![id, batch, sum, words, tasks])
     }
 
-    fn write_record(&mut self, row: &SavedRecord) -> rusqlite::Result<()> {
-        let sum = record_sum(self.id, row);
-        let (id, start, end) = (self.id, row.start_ns as i64, row.end_ns.map(|ns| ns as i64));
-        self.execute(
-            "INSERT OR REPLACE INTO records VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
-            params![
-                id,
-                row.record,
-                row.slot,
-                row.parent,
-                row.attempt,
-                row.kind,
-                row.status,
-                row.why,
-                start,
-                end,
-                row.params,
-                row.value,
-                row.failure,
-                row.more,
-                sum
-            ],
-        )
+    fn write_chunk(&mut self, what: &str, first: u32, last: u32) -> rusqlite::Result<()> {
+        let (id, count) = (self.id, last + 1 - first);
+        self.rows.0 += count;
+        let mut packer = std::mem::take(&mut self.packer);
+        let written = packer.end(|Chunk { words, rows }| {
+            let sum = chunk_sum(id, what, first, count, words, rows);
+            self.execute(
+                "INSERT OR REPLACE INTO chunks VALUES (?, ?, ?, ?, ?, ?, ?)",
+                params![id, what, first, count, sum, words, rows],
+            )
+        });
+        self.packer = packer;
+        written
     }
 
     fn write_edit(&mut self, number: i64, row: &SavedEdit, orphan: Option<&str>) -> rusqlite::Result<()> {
@@ -588,17 +658,18 @@ impl Writer {
     }
 }
 
-pub(crate) fn slot_sum(id: i64, row: &SavedSlot, site: &str) -> i64 {
-    let sum = Sum::of("slots").number(id).number(row.slot.into()).number(row.parent.into()).text(&row.name);
-    sum.text(site).text(&row.steps).number(row.place.into()).end()
+/// The chunks that rows stand in, each named by its first row.
+fn chunks_of(from: u32, to: u32) -> impl Iterator<Item = u32> {
+    (chunk::first_of(from)..=to).step_by(chunk::ROWS as usize).filter(move |_| from <= to)
 }
 
-pub(crate) fn record_sum(id: i64, row: &SavedRecord) -> i64 {
-    let sum = Sum::of("records").number(id).number(row.record.into()).number(row.slot.into());
-    let sum = sum.number(row.parent.into()).number(row.attempt.into()).text(&row.kind).text(&row.status);
-    let sum = sum.text(&row.why).number(row.start_ns as i64).maybe_number(row.end_ns.map(|ns| ns as i64));
-    let sum = sum.text(&row.params).maybe(row.value.as_deref()).maybe(row.failure.as_deref());
-    sum.maybe(row.more.as_deref()).end()
+pub(crate) fn outline_sum(id: i64, batch: i64, words: &str, tasks: &[u8]) -> i64 {
+    Sum::of("outlines").number(id).number(batch).text(words).bytes(tasks).end()
+}
+
+pub(crate) fn chunk_sum(id: i64, what: &str, first: u32, count: u32, words: &str, rows: &str) -> i64 {
+    let sum = Sum::of("chunks").number(id).text(what).number(first.into()).number(count.into());
+    sum.text(words).text(rows).end()
 }
 
 /// An edit of which nobody has said who made it is said to be made by this.

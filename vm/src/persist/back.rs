@@ -8,7 +8,7 @@ use serde_json::{Map as JsonMap, Value as Json};
 use super::{SavedRecord, SavedTree};
 use crate::code::{Program, SiteId};
 use crate::edit::Accepted;
-use crate::failure::{Builtin, Failure, Task};
+use crate::failure::{Builtin, Failure, FailureTypes, Task};
 use crate::key::{Chain, Element, Key, Keys, Step};
 use crate::show;
 use crate::tree::{Extra, MOVED, NodeKind, ROOT, RecId, SlotId, Status, Tree, Why};
@@ -217,7 +217,9 @@ impl Restored {
             *self.tree.extra_mut(rec) = extra;
         }
         let value = match (&it.failure, &it.value) {
-            (Some(json), _) => failure(program, &serde_json::from_str(json).unwrap_or_default(), read, 0),
+            (Some(json), _) => {
+                failure(&program.failures, &serde_json::from_str(json).unwrap_or_default(), read, 0)
+            }
             (None, Some(text)) => read(text),
             (None, None) => Value::NIL,
         };
@@ -252,19 +254,24 @@ fn word<T: Copy>(all: &[T], word: fn(T) -> &'static str, text: &str) -> T {
 }
 
 /// A failure from its JSON.
-fn failure(program: &Program, json: &Json, read: &dyn Fn(&str) -> Value, depth: usize) -> Value {
+pub(crate) fn failure(
+    types: &FailureTypes,
+    json: &Json,
+    read: &dyn Fn(&str) -> Value,
+    depth: usize,
+) -> Value {
     const DEPTH: usize = 20;
     let Some(name) = json["type"].as_str().filter(|_| depth < DEPTH) else { return Value::NIL };
     let name = Symbol::from(name);
-    let kind = program.failures.find(name).unwrap_or(Builtin::PlanFailure.id());
+    let kind = types.find(name).unwrap_or(Builtin::PlanFailure.id());
     let fields = json["fields"].as_object().into_iter().flatten();
     let fields = fields.map(|(key, value)| (Symbol::from(key), read(value.as_str().unwrap_or("nil"))));
     let mut it = Failure::of_type(kind, name, fields.collect());
     it.task = json["task"].as_str().map(|path| std::rc::Rc::new(Task::of_path(path)));
     if json["cause"].is_object() {
-        it.cause = Some(failure(program, &json["cause"], read, depth + 1));
+        it.cause = Some(failure(types, &json["cause"], read, depth + 1));
     }
     let also = json["also"].as_array().into_iter().flatten();
-    it.also = also.map(|json| failure(program, json, read, depth + 1)).collect();
+    it.also = also.map(|json| failure(types, json, read, depth + 1)).collect();
     Value::failure(it)
 }

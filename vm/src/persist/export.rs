@@ -2,25 +2,24 @@
 
 use serde_json::{Value as Json, json};
 
-use super::{SavedEdit, SavedRecord, SavedSlot, SavedTree};
+use super::{SavedEdit, SavedRecord, SavedSlot, SavedTree, Word, chunk};
 
 impl SavedTree {
     /// All rows as one JSON object, to be taken elsewhere.
     #[must_use]
     pub fn rows(&self) -> Json {
-        let slots = self
-            .slots
-            .iter()
-            .map(|it| json!([it.slot, it.parent, it.name, format!("{:016x}", it.site), it.steps, it.place]));
+        let slots = self.slots.iter().map(|it| {
+            json!([it.slot, it.parent, it.name.as_str(), format!("{:016x}", it.site), it.steps, it.place])
+        });
         let records = self.records.iter().map(|it| {
             json!([
                 it.record,
                 it.slot,
                 it.parent,
                 it.attempt,
-                it.kind,
-                it.status,
-                it.why,
+                it.kind.as_str(),
+                it.status.as_str(),
+                it.why.as_str(),
                 it.start_ns,
                 it.end_ns,
                 it.params,
@@ -47,19 +46,25 @@ impl SavedTree {
             let row = |(at, json)| row(json).ok_or_else(|| format!("{key}[{at}] is no row of them"));
             rows.iter().enumerate().map(row).collect()
         }
+        let word = |json: &Json, at: usize| Some(Word::from(json.get(at)?.as_str()?));
+        // JSON in a text; there may be none.
+        let part =
+            |json: &Json, at: usize| text(json, at).filter(|text| text.is_empty() || chunk::is_part(text));
         // Nothing for what is no text, and nothing inside for what is not there.
         let maybe = |json: &Json, at: usize| match json.get(at)? {
             Json::Null => Some(None),
             Json::String(text) => Some(Some(text.clone())),
             _ => None,
         };
+        let maybe_part =
+            |json: &Json, at: usize| maybe(json, at).filter(|it| it.as_deref().is_none_or(chunk::is_part));
         let slot = |it: &Json| {
             Some(SavedSlot {
                 slot: number(it, 0)?,
                 parent: number(it, 1)?,
-                name: text(it, 2)?,
+                name: word(it, 2)?,
                 site: u64::from_str_radix(&text(it, 3)?, 16).ok()?,
-                steps: text(it, 4)?,
+                steps: part(it, 4)?,
                 place: number(it, 5)?,
             })
         };
@@ -69,15 +74,15 @@ impl SavedTree {
                 slot: number(it, 1)?,
                 parent: number(it, 2)?,
                 attempt: number(it, 3)?,
-                kind: text(it, 4)?.into(),
-                status: text(it, 5)?.into(),
-                why: text(it, 6)?.into(),
+                kind: word(it, 4)?,
+                status: word(it, 5)?,
+                why: word(it, 6)?,
                 start_ns: it.get(7)?.as_u64()?,
                 end_ns: it.get(8)?.as_u64(),
-                params: text(it, 9)?,
+                params: part(it, 9)?,
                 value: maybe(it, 10)?,
-                failure: maybe(it, 11)?,
-                more: maybe(it, 12)?,
+                failure: maybe_part(it, 11)?,
+                more: maybe_part(it, 12)?,
             })
         };
         let tree = SavedTree {

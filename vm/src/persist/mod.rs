@@ -7,19 +7,23 @@
 
 mod at;
 mod back;
+pub mod chunk;
 mod diff;
 mod export;
 mod nodes;
+mod outline;
 mod rows;
 
-use std::borrow::Cow;
-
+pub(crate) use back::failure;
 pub use back::{Awaited, Restored};
 pub use diff::{Difference, DifferenceKind, diff};
+pub use outline::{Outline, Outlined};
 pub use rows::{edits, record, slot, tree};
 
-/// A word of a fixed list, or what a file has in its place.
-pub type Word = Cow<'static, str>;
+use crate::value::Symbol;
+
+/// A name, or a word of a fixed list: the same in many rows.
+pub type Word = Symbol;
 
 /// A place in a plan.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -29,7 +33,7 @@ pub struct SavedSlot {
     /// The number of the slot above; 0 for the root.
     pub parent: u32,
     /// What was called here first.
-    pub name: String,
+    pub name: Word,
     /// The hash of its call site.
     pub site: u64,
     /// The rest of its key: steps as JSON, empty for none.

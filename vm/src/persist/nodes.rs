@@ -3,6 +3,7 @@
 
 use std::collections::BTreeMap;
 
+use rustc_hash::FxHashMap;
 use serde_json::{Map as JsonMap, Value as Json, json};
 
 use super::{SavedRecord, SavedSlot, SavedTree};
@@ -19,10 +20,10 @@ impl SavedTree {
         let mut nodes = Vec::new();
         let mut todo = vec![(ROOT.0, None::<usize>, String::from("top-level"))];
         while let Some((slot, parent, path)) = todo.pop() {
-            let Some(last) = places.records.get(slot as usize).and_then(|all| all.last()) else { continue };
+            let all = places.records(slot);
+            let Some(last) = all.last() else { continue };
             let number = nodes.len();
             let mut node = self.node(slot, *last, parent, &path)?;
-            let all = &places.records[slot as usize];
             if all.len() > 1 {
                 let all: Result<Vec<Json>, String> = all.iter().map(|at| self.attempt(*at)).collect();
                 node.insert("attempts".into(), Json::Array(all?));
@@ -30,7 +31,7 @@ impl SavedTree {
             nodes.push(Json::Object(node));
             let mut ranks: BTreeMap<&str, usize> = BTreeMap::new();
             let mut below = Vec::new();
-            for child in &places.children[slot as usize] {
+            for child in places.children(slot) {
                 let name = self.slots[*child as usize - 1].name.as_str();
                 let rank = ranks.entry(name).or_insert(0);
                 *rank += 1;
@@ -47,29 +48,46 @@ impl SavedTree {
     }
 
     /// What stands where, if the numbers of the rows fit together.
-    pub(super) fn places(&self) -> Result<Places, String> {
-        let mut places = Places {
-            children: vec![Vec::new(); self.slots.len() + 1],
-            records: vec![Vec::new(); self.slots.len() + 1],
-        };
+    pub(crate) fn places(&self) -> Result<Places, String> {
+        let slots = self.slots.len() + 1;
+        let mut places = Places { ends: vec![0; slots + 1], ..Places::default() };
         for (at, slot) in (1..).zip(&self.slots) {
             let is_root = at == ROOT.0;
             if slot.slot != at || (slot.parent == 0) != is_root || slot.parent >= at {
                 return Err(format!("slot {at} does not fit to those before it"));
             }
             if !is_root && slot.place > 0 {
-                places.children[slot.parent as usize].push(at);
+                places.ends[slot.parent as usize + 1] += 1;
             }
         }
-        for children in &mut places.children {
-            children.sort_by_key(|child| self.slots[*child as usize - 1].place);
+        for at in 1..places.ends.len() {
+            places.ends[at] += places.ends[at - 1];
         }
+        places.children = vec![0; *places.ends.last().unwrap_or(&0) as usize];
+        let mut next = places.ends.clone();
+        for slot in self.slots.iter().filter(|slot| slot.slot != ROOT.0 && slot.place > 0) {
+            let at = &mut next[slot.parent as usize];
+            places.children[*at as usize] = slot.slot;
+            *at += 1;
+        }
+        let place = |child: &u32| self.slots[*child as usize - 1].place;
+        for ends in places.ends.windows(2) {
+            let children = &mut places.children[ends[0] as usize..ends[1] as usize];
+            // Nearly always they were made in this order.
+            if !children.is_sorted_by_key(place) {
+                children.sort_by_key(place);
+            }
+        }
+        places.last = vec![0; slots];
         for (at, record) in (1..).zip(&self.records) {
             let known = record.slot >= 1 && (record.slot as usize) <= self.slots.len();
             if record.record != at || !known || record.parent >= at || (record.parent == 0) != (at == 1) {
                 return Err(format!("record {at} does not fit to those before it"));
             }
-            places.records[record.slot as usize].push(at);
+            let last = std::mem::replace(&mut places.last[record.slot as usize], at);
+            if last != 0 {
+                places.several.entry(record.slot).or_insert_with(|| vec![last]).push(at);
+            }
         }
         match self.records.first() {
             Some(root) if root.slot == ROOT.0 => Ok(places),
@@ -90,7 +108,7 @@ impl SavedTree {
                 |other: &&SavedSlot| other.parent == it.parent && other.name == it.name && other.place > 0;
             let before = self.slots.iter().filter(same);
             let rank = before.filter(|other| (other.place, other.slot) < (it.place, it.slot)).count() + 1;
-            Some(if rank == 1 { it.name.clone() } else { format!("{} :call {rank}", it.name) })
+            Some(if rank == 1 { it.name.to_string() } else { format!("{} :call {rank}", it.name) })
         });
         words.collect::<Vec<_>>().join(" / ")
     }
@@ -105,11 +123,11 @@ impl SavedTree {
         let it = &self.records[at as usize - 1];
         let bad = |what: &str| format!("the {what} of record {at} are no JSON");
         let mut node = JsonMap::new();
-        node.insert("name".into(), json!(self.slots[slot as usize - 1].name));
+        node.insert("name".into(), json!(self.slots[slot as usize - 1].name.as_str()));
         node.insert("path".into(), if path.is_empty() { Json::Null } else { json!(path) });
         node.insert("parent".into(), json!(parent));
-        node.insert("kind".into(), json!(it.kind));
-        node.insert("status".into(), json!(it.status));
+        node.insert("kind".into(), json!(it.kind.as_str()));
+        node.insert("status".into(), json!(it.status.as_str()));
         node.insert("attempt".into(), json!(it.attempt));
         let params = match it.params.as_str() {
             "" => Json::Object(JsonMap::new()),
@@ -119,7 +137,7 @@ impl SavedTree {
         let (key, result) = result(it)?;
         node.insert(key.into(), result);
         if !it.why.is_empty() {
-            node.insert("why".into(), json!(it.why));
+            node.insert("why".into(), json!(it.why.as_str()));
         }
         let more: JsonMap<String, Json> = match &it.more {
             None => JsonMap::new(),
@@ -149,7 +167,7 @@ impl SavedTree {
 
     fn attempt(&self, at: u32) -> Result<Json, String> {
         let it = &self.records[at as usize - 1];
-        let mut json = json!({"status": it.status});
+        let mut json = json!({"status": it.status.as_str()});
         let (key, result) = result(it)?;
         json[key] = result;
         json["start"] = json!(it.start_ns as f64 / 1e9);
@@ -159,9 +177,30 @@ impl SavedTree {
 }
 
 /// Children of slots and records of slots, by their numbers.
-pub(super) struct Places {
-    children: Vec<Vec<u32>>,
-    records: Vec<Vec<u32>>,
+#[derive(Default)]
+pub(crate) struct Places {
+    /// Where the children of each slot end; those of the next one begin there.
+    ends: Vec<u32>,
+    children: Vec<u32>,
+    /// The last record of each slot; 0 for none.
+    last: Vec<u32>,
+    /// All of them where there are several.
+    several: FxHashMap<u32, Vec<u32>>,
+}
+
+impl Places {
+    /// The slots below one, in the order of their calls.
+    pub(crate) fn children(&self, slot: u32) -> &[u32] {
+        &self.children[self.ends[slot as usize] as usize..self.ends[slot as usize + 1] as usize]
+    }
+
+    /// The records of a slot, the one that is shown last.
+    pub(crate) fn records(&self, slot: u32) -> &[u32] {
+        match self.several.get(&slot) {
+            Some(all) => all,
+            None => self.last.get(slot as usize..=slot as usize).filter(|it| it[0] != 0).unwrap_or_default(),
+        }
+    }
 }
 
 fn result(it: &SavedRecord) -> Result<(&'static str, Json), String> {

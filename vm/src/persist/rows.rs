@@ -4,11 +4,11 @@ use serde_json::{Map as JsonMap, Value as Json, json};
 
 use super::{SavedEdit, SavedRecord, SavedSlot, SavedTree};
 use crate::code::{Program, SiteId};
-use crate::key::{Element, Step};
+use crate::key::{Chain, Element, Step};
 use crate::print::{LIMIT, Printer};
 use crate::show;
 use crate::tree::{CHANGED, MOVED, NodeKind, RecId, Record, SlotId, Status, Tree};
-use crate::value::{Obj, Symbol, Value};
+use crate::value::{Obj, Value};
 
 /// The row of a slot.
 #[must_use]
@@ -17,9 +17,9 @@ pub fn slot(program: &Program, tree: &Tree, id: SlotId) -> SavedSlot {
     SavedSlot {
         slot: id.0,
         parent: it.parent.0,
-        name: it.name.to_string(),
+        name: it.name,
         site: program.sites.get(it.key.site.at()).map_or(0, |site| site.hash),
-        steps: steps_text(program, &tree.keys.steps(it.key.chain)),
+        steps: made(|out| steps_onto(out, program, tree, it.key.chain)),
         place: tree.place(id),
     }
 }
@@ -29,8 +29,7 @@ pub fn slot(program: &Program, tree: &Tree, id: SlotId) -> SavedSlot {
 pub fn record(program: &Program, tree: &Tree, id: RecId) -> SavedRecord {
     let it = tree.record(id);
     let is_final = it.status.is_final();
-    let failed = matches!(it.status, Status::Failed | Status::Evaporated);
-    let failure = it.value.as_failure().filter(|_| is_final && failed);
+    let failed = has_failed(it);
     SavedRecord {
         record: id.0,
         slot: it.slot.0,
@@ -41,28 +40,74 @@ pub fn record(program: &Program, tree: &Tree, id: RecId) -> SavedRecord {
         why: it.why.word().into(),
         start_ns: it.start,
         end_ns: is_final.then_some(it.end),
-        params: match it.args() {
-            0 => String::new(),
-            _ => by_name(program, show::params(program, tree, id)),
-        },
-        value: (is_final && failure.is_none()).then(|| text(program, &it.value)),
-        failure: failure.map(|_| show::failure_json(program, &it.value, 0).to_string()),
+        params: made(|out| params_onto(out, program, tree, id)),
+        value: (is_final && !failed).then(|| text(program, &it.value)),
+        failure: failed.then(|| failure(program, it)),
         more: more(program, tree, id, it),
     }
 }
 
-fn by_name(program: &Program, params: Vec<(Symbol, Value)>) -> String {
-    let mut out = String::from("{");
-    for (name, value) in params {
-        if out.len() > 1 {
-            out.push(',');
-        }
-        out += &Json::String(name.to_string()).to_string();
-        out.push(':');
-        out += &Json::String(text(program, &value)).to_string();
-    }
-    out.push('}');
+fn made(put: impl FnOnce(&mut String)) -> String {
+    let mut out = String::new();
+    put(&mut out);
     out
+}
+
+/// True if what a record has as its value is the failure that left it.
+pub(super) fn has_failed(it: &Record) -> bool {
+    matches!(it.status, Status::Failed | Status::Evaporated) && it.value.as_failure().is_some()
+}
+
+/// The failure that left a record, as a JSON object.
+pub(super) fn failure(program: &Program, it: &Record) -> String {
+    show::failure_json(program, &it.value, 0).to_string()
+}
+
+/// The parameters of a record as a JSON object of texts; nothing if it has none.
+pub(super) fn params_onto(out: &mut String, program: &Program, tree: &Tree, id: RecId) {
+    if tree.record(id).args() == 0 {
+        return;
+    }
+    let mut lead = '{';
+    show::each_named(program, tree, id, &mut |name, value| {
+        out.push(lead);
+        lead = ',';
+        put_text(out, name);
+        out.push(':');
+        put_value(out, program, value);
+    });
+    out.push_str(if lead == '{' { "{}" } else { "}" });
+}
+
+/// A text as JSON.
+pub(super) fn put_text(out: &mut String, text: &str) {
+    out.push('"');
+    out.push_str(text);
+    quote_from(out, out.len() - text.len());
+}
+
+/// The text of a value as JSON.
+pub(super) fn put_value(out: &mut String, program: &Program, value: &Value) {
+    out.push('"');
+    let from = out.len();
+    Printer::new(Some(program), true, LIMIT).text_onto(out, value);
+    quote_from(out, from);
+}
+
+/// Makes the end of `out` the rest of a text in JSON.
+fn quote_from(out: &mut String, from: usize) {
+    if out.as_bytes()[from..].iter().any(|byte| matches!(byte, b'"' | b'\\' | 0..0x20)) {
+        let text = out.split_off(from);
+        out.pop();
+        *out += &Json::String(text).to_string();
+    } else {
+        out.push('"');
+    }
+}
+
+/// A number as JSON.
+pub(super) fn put_number(out: &mut String, number: impl itoa::Integer) {
+    out.push_str(itoa::Buffer::new().format(number));
 }
 
 fn text(program: &Program, value: &Value) -> String {
@@ -72,16 +117,21 @@ fn text(program: &Program, value: &Value) -> String {
     }
 }
 
-fn more(program: &Program, tree: &Tree, id: RecId, it: &Record) -> Option<String> {
+/// What few records have, as a JSON object.
+pub(super) fn more(program: &Program, tree: &Tree, id: RecId, it: &Record) -> Option<String> {
+    let called = tree.called(it.slot).filter(|_| it.kind == NodeKind::Plan);
+    let extra = tree.extra(id);
+    if called.is_none() && extra.is_none() && it.flags & (MOVED | CHANGED) == 0 {
+        return None;
+    }
     let mut more = JsonMap::new();
     let write = |value: &Value| Json::String(text(program, value));
-    if let Some(plan) = tree.called(it.slot).filter(|_| it.kind == NodeKind::Plan) {
+    if let Some(plan) = called {
         more.insert("called".into(), json!(program.functions.get(plan.at())?.name.as_str()));
     }
     if it.flags & MOVED != 0 {
         more.insert("goal".into(), json!("moved"));
     }
-    let extra = tree.extra(id);
     if let Some(grounded) = extra.and_then(|it| it.grounded.as_ref()) {
         more.insert("grounded".into(), write(grounded));
     }
@@ -141,10 +191,21 @@ pub fn tree(program: &Program, tree: &Tree) -> SavedTree {
     }
 }
 
-fn steps_text(program: &Program, steps: &[Step]) -> String {
-    match steps {
-        [] => String::new(),
-        steps => steps_json(program, steps).to_string(),
+/// The steps of a chain as JSON; nothing if there are none.
+pub(super) fn steps_onto(out: &mut String, program: &Program, tree: &Tree, chain: Chain) {
+    if chain == Chain::EMPTY {
+        return;
+    }
+    match tree.keys.steps(chain)[..] {
+        // By far the most frequent.
+        [Step::Round(Element::Int(element), rank)] => {
+            out.push_str("[[\"int\",");
+            put_number(out, element);
+            out.push(',');
+            put_number(out, rank);
+            out.push_str("]]");
+        }
+        ref steps => *out += &steps_json(program, steps).to_string(),
     }
 }
 

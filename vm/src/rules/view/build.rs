@@ -230,28 +230,38 @@ impl TreeView {
     }
 }
 
-fn seconds(ns: u64) -> f64 {
+pub(super) fn seconds(ns: u64) -> f64 {
     ns as f64 / 1e9
 }
 
 /// The words for what tasks are and what becomes of them: a symbol costs a look-up.
-struct Words {
+pub(super) struct Words {
     kinds: Vec<Symbol>,
     status: Vec<Symbol>,
 }
 
 impl Words {
-    fn new() -> Words {
+    pub(super) fn new() -> Words {
         let kinds = NodeKind::ALL.iter().map(|it| Symbol::from(it.word())).collect();
         Words { kinds, status: Status::ALL.iter().map(|it| Symbol::from(it.word())).collect() }
     }
 
-    fn kind(&self, kind: NodeKind) -> Symbol {
+    pub(super) fn kind(&self, kind: NodeKind) -> Symbol {
         self.kinds[kind as usize]
     }
 
-    fn status(&self, status: Status) -> Symbol {
+    pub(super) fn status(&self, status: Status) -> Symbol {
         self.status[status as usize]
+    }
+
+    /// The kind that has this word.
+    pub(super) fn a_kind(&self, word: Symbol) -> Option<NodeKind> {
+        NodeKind::ALL.get(self.kinds.iter().position(|it| *it == word)?).copied()
+    }
+
+    /// The status that has this word.
+    pub(super) fn a_status(&self, word: Symbol) -> Option<Status> {
+        Status::ALL.get(self.status.iter().position(|it| *it == word)?).copied()
     }
 }
 
@@ -302,7 +312,7 @@ fn edits(tree: &Tree, numbers: &[u32]) -> Vec<Value> {
 }
 
 /// The properties of a description, or the parameters of a plan.
-fn properties(kind: NodeKind, params: Vec<(Symbol, Value)>) -> Vec<(Symbol, Value)> {
+pub(super) fn properties(kind: NodeKind, params: Vec<(Symbol, Value)>) -> Vec<(Symbol, Value)> {
     match (kind, params.first().and_then(|param| param.1.as_desc())) {
         (NodeKind::Action, Some(desc)) => {
             desc.properties().map(|(key, value)| (key, value.clone())).collect()

@@ -215,10 +215,11 @@ impl TreeView {
         if let Some(column) = self.columns.borrow().get(&attr) {
             return column.clone();
         }
+        let whole = if let Attr::Param(_) = attr { self.whole() } else { self };
         let mut values = self.values.borrow_mut();
         let of: Vec<u32> = match attr {
-            Attr::Param(key) => (self.rows.iter())
-                .map(|row| self.raw(row, key).map_or(NONE, |it| values.intern(it)))
+            Attr::Param(key) => (whole.rows.iter())
+                .map(|row| whole.raw(row, key).map_or(NONE, |it| values.intern(it)))
                 .collect(),
             Attr::Name => symbols(&mut values, self.rows.iter().map(|row| row.name)),
             Attr::Kind => symbols(&mut values, self.rows.iter().map(|row| row.kind)),
@@ -281,6 +282,14 @@ impl TreeView {
 /// Symbols as numbers of values.
 fn symbols(values: &mut Values, names: impl Iterator<Item = Symbol>) -> Vec<u32> {
     let mut known: FxHashMap<Symbol, u32> = FxHashMap::default();
-    let number = |name| *known.entry(name).or_insert_with(|| values.intern(&Value::Imm(Imm::Symbol(name))));
+    let mut last = None;
+    let number = |name| match last {
+        Some((same, number)) if same == name => number,
+        _ => {
+            let number = *known.entry(name).or_insert_with(|| values.intern(&Value::Imm(Imm::Symbol(name))));
+            last = Some((name, number));
+            number
+        }
+    };
     names.map(number).collect()
 }

@@ -11,14 +11,16 @@ mod build;
 mod column;
 mod edited;
 mod path;
+mod saved;
 
-use std::cell::{OnceCell, RefCell};
+use std::cell::{Cell, OnceCell, RefCell};
 use std::collections::BTreeMap;
 use std::ops::Range;
 use std::rc::Rc;
 
 use rustc_hash::FxHashMap;
 
+use crate::persist::Outlined;
 use crate::tree::Status;
 use crate::value::{Imm, Obj, Symbol, Value};
 
@@ -52,6 +54,27 @@ struct Row {
     is_single: bool,
 }
 
+impl Row {
+    /// A task of which no more is known.
+    fn outlined(it: Outlined) -> Row {
+        Row {
+            parent: it.parent,
+            below: 0,
+            name: it.name,
+            kind: it.kind,
+            status: it.status,
+            value: Value::NIL,
+            start: 0.0,
+            end: f64::NAN,
+            args: 0,
+            count: 0,
+            is_desc: false,
+            failed: false,
+            is_single: true,
+        }
+    }
+}
+
 /// What few tasks have.
 #[derive(Default)]
 struct Rare {
@@ -76,6 +99,8 @@ pub struct TreeView {
     edited: Vec<u32>,
     /// When tasks would be performed, if edits have changed that; else nothing.
     planned: Vec<Planned>,
+    /// Where all else is, if the rows are an outline.
+    rest: Option<saved::Rest>,
     values: RefCell<Values>,
     columns: RefCell<FxHashMap<Attr, Rc<Column>>>,
     all: OnceCell<Rc<Vec<u32>>>,
@@ -83,6 +108,8 @@ pub struct TreeView {
     ranks: OnceCell<Vec<u32>>,
     /// The rank of each task among siblings of its name, from 1.
     calls: OnceCell<Vec<u32>>,
+    /// How many siblings have been looked at for the ranks of single tasks.
+    looked: Cell<usize>,
     /// Paths that somebody has asked for, as values.
     paths: RefCell<FxHashMap<u32, Value>>,
     /// The orders that joins have here, by the join and which of its variables are given.
@@ -130,8 +157,9 @@ impl TreeView {
     /// All that a task has: parameters of a plan, properties of an action.
     #[must_use]
     pub fn params(&self, task: u32) -> Vec<(Symbol, Value)> {
-        let row = &self.rows[task as usize];
-        let args = &self.args[row.args as usize..][..usize::from(row.count)];
+        let this = self.whole();
+        let row = &this.rows[task as usize];
+        let args = &this.args[row.args as usize..][..usize::from(row.count)];
         match (row.is_desc, args.first().and_then(|arg| arg.1.as_desc())) {
             (true, Some(desc)) => desc.properties().map(|(key, value)| (key, value.clone())).collect(),
             _ => args.to_vec(),
@@ -141,49 +169,50 @@ impl TreeView {
     /// The same as the plan has it, before edits.
     #[must_use]
     pub fn written_params(&self, task: u32) -> Vec<(Symbol, Value)> {
-        let written = self.rare.get(&task).and_then(|it| it.written.clone());
+        let written = self.whole().rare.get(&task).and_then(|it| it.written.clone());
         written.unwrap_or_else(|| self.params(task))
     }
 
     /// What it returned; nil if it did not.
     #[must_use]
     pub fn value(&self, task: u32) -> Value {
-        let row = &self.rows[task as usize];
+        let row = &self.whole().rows[task as usize];
         if row.failed { Value::NIL } else { row.value.clone() }
     }
 
     /// The failure that left it.
     #[must_use]
     pub fn failure(&self, task: u32) -> Option<Value> {
-        let row = &self.rows[task as usize];
+        let row = &self.whole().rows[task as usize];
         row.failed.then(|| row.value.clone())
     }
 
     /// What its description was grounded to.
     #[must_use]
     pub fn grounded(&self, task: u32) -> Option<Value> {
-        let at = self.grounded.binary_search_by_key(&task, |it| it.0).ok()?;
-        self.grounded.get(at).map(|it| it.1.clone())
+        let grounded = &self.whole().grounded;
+        let at = grounded.binary_search_by_key(&task, |it| it.0).ok()?;
+        grounded.get(at).map(|it| it.1.clone())
     }
 
     /// When it was called; nothing if an edit puts it there, so that it has not run.
     #[must_use]
     pub fn started(&self, task: u32) -> Option<f64> {
-        (!self.is_inserted(task)).then(|| self.rows[task as usize].start)
+        (!self.is_inserted(task)).then(|| self.whole().rows[task as usize].start)
     }
 
     /// When it ended; nothing while it runs.
     #[must_use]
     pub fn end(&self, task: u32) -> Option<f64> {
-        Some(self.rows[task as usize].end).filter(|end| !end.is_nan())
+        Some(self.whole().rows[task as usize].end).filter(|end| !end.is_nan())
     }
 
     /// Each run of it.
     #[must_use]
     pub fn attempts(&self, task: u32) -> Vec<Attempt> {
-        let row = &self.rows[task as usize];
+        let row = &self.whole().rows[task as usize];
         if !row.is_single {
-            return self.rare.get(&task).map(|it| it.attempts.clone()).unwrap_or_default();
+            return self.whole().rare.get(&task).map(|it| it.attempts.clone()).unwrap_or_default();
         }
         vec![Attempt { status: status(row), value: row.value.clone(), start: row.start, end: self.end(task) }]
     }
@@ -191,16 +220,17 @@ impl TreeView {
     /// The edits on it.
     #[must_use]
     pub fn edits(&self, task: u32) -> &[Value] {
-        self.rare.get(&task).map_or(&[], |it| &it.edits)
+        self.whole().rare.get(&task).map_or(&[], |it| &it.edits)
     }
 
     /// True if the first task had ended when the second was called, or would have with the edits on the tree.
     #[must_use]
     pub fn is_before(&self, a: u32, b: u32) -> bool {
+        let rows = &self.whole().rows;
         let moved = |task: u32| self.planned.get(task as usize).and_then(|it| it.moved);
         let place = |task: u32| self.planned.get(task as usize).map_or(task, |it| it.place);
-        let end = moved(a).unwrap_or(self.rows[a as usize].end);
-        let start = moved(b).unwrap_or(self.rows[b as usize].start);
+        let end = moved(a).unwrap_or(rows[a as usize].end);
+        let start = moved(b).unwrap_or(rows[b as usize].start);
         // Of two that took no time the one that was called first.
         end < start || (end == start && place(a) < place(b) && !self.is_above(a, b))
     }
@@ -241,7 +271,8 @@ impl TreeView {
     pub fn order(&self, task: u32) -> u32 {
         let ranks = self.ranks.get_or_init(|| {
             let mut order: Vec<u32> = (0..self.len() as u32).collect();
-            let start = |task: &u32| self.rows[*task as usize].start;
+            let rows = &self.whole().rows;
+            let start = |task: &u32| rows[*task as usize].start;
             match self.planned.is_empty() {
                 true => order.sort_by(|a, b| start(a).total_cmp(&start(b)).then(a.cmp(b))),
                 false => order.sort_by_key(|task| self.planned[*task as usize].place),
@@ -257,7 +288,7 @@ impl TreeView {
     #[must_use]
     pub fn made_by(&self, mut task: u32) -> Option<Symbol> {
         loop {
-            if let Some(by) = self.rare.get(&task).and_then(|it| it.by) {
+            if let Some(by) = self.whole().rare.get(&task).and_then(|it| it.by) {
                 return Some(by);
             }
             let above = self.parent(task);
@@ -272,9 +303,10 @@ impl TreeView {
     #[must_use]
     pub fn edited_by(&self, task: u32) -> Vec<Symbol> {
         let end = self.rows[task as usize].below;
-        let first = self.edited.partition_point(|edited| *edited < task);
+        let edited = &self.whole().edited;
+        let first = edited.partition_point(|edited| *edited < task);
         let mut names = Vec::new();
-        for at in self.edited[first..].iter().take_while(|edited| **edited < end) {
+        for at in edited[first..].iter().take_while(|edited| **edited < end) {
             let by = self.edits(*at).iter().filter_map(|edit| match edit.obj() {
                 Some(Obj::Edit(edit)) => edit.by,
                 _ => None,
@@ -292,8 +324,9 @@ impl TreeView {
     #[must_use]
     pub fn is_edited(&self, task: u32) -> bool {
         let end = self.rows[task as usize].below;
-        let at = self.edited.partition_point(|edited| *edited < task);
-        self.edited.get(at).is_some_and(|edited| *edited < end)
+        let edited = &self.whole().edited;
+        let at = edited.partition_point(|edited| *edited < task);
+        edited.get(at).is_some_and(|edited| *edited < end)
     }
 }
 

@@ -46,15 +46,30 @@ impl TreeView {
         })
     }
 
+    /// The rank of one task. Who asks for a few needs no table of all.
+    fn call(&self, task: u32) -> u32 {
+        let mut looked = self.looked.get();
+        if self.calls.get().is_some() || looked > self.rows.len() {
+            return self.calls()[task as usize];
+        }
+        let name = self.name(task);
+        let mut call = 1;
+        for sibling in self.ranked(self.parent(task)).take_while(|sibling| *sibling != task) {
+            looked += 1;
+            call += u32::from(self.name(sibling) == name);
+        }
+        self.looked.set(looked);
+        call
+    }
+
     /// The path of a task.
     #[must_use]
     pub fn path(&self, task: u32) -> Path {
-        let calls = self.calls();
         let mut steps = Vec::new();
         let mut at = task;
         while at != 0 {
             let it = &self.rows[at as usize];
-            steps.push(PathStep { name: it.name, call: calls[at as usize] });
+            steps.push(PathStep { name: it.name, call: self.call(at) });
             at = it.parent;
         }
         steps.reverse();
