@@ -5,7 +5,8 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use pleach::files::Files;
-use store::{Begin, Fault, Source, Store, StoreError, VersionRow, Writer};
+use serde_json::Value as Json;
+use store::{Begin, Decision, Fault, Source, Store, StoreError, VersionRow, Writer};
 use vm::log::Entry;
 use vm::machine::Machine;
 use vm::persist::{SavedEdit, SavedTree};
@@ -120,6 +121,23 @@ impl Keeper {
         self.last = Instant::now();
         self.pause = begin.elapsed().mul_f64(PAUSE * self.writer.again());
         Ok(())
+    }
+
+    /// What became of the proposals of a rehearsal: `steps` of its report.
+    pub fn decided(&mut self, steps: &[Json]) -> Result<(), StoreError> {
+        let word = |step: &Json, key: &str| step[key].as_str().unwrap_or_default().to_string();
+        let decision = |step: &Json| {
+            let edits = step["edits"].as_array().into_iter().flatten().filter_map(Json::as_str);
+            let edits: Vec<&str> = edits.collect();
+            Decision {
+                what: format!("{}: {}", word(step, "transformation"), edits.join(" ")),
+                decision: format!("{} ({})", word(step, "verdict"), word(step, "check")),
+                why: word(step, "why"),
+                numbers: step["numbers"].to_string(),
+            }
+        };
+        let decisions: Vec<Decision> = steps.iter().map(decision).collect();
+        if decisions.is_empty() { Ok(()) } else { self.writer.decided(&decisions) }
     }
 
     /// Writes how the run ended.

@@ -202,7 +202,7 @@ pub fn perform(job: &Job, show: &Show, start: &Start<'_>) -> Answer {
     }
     loaded.reports.iter().for_each(|warning| term::complain(&session.report(warning)));
     let call = call(&session, job)?;
-    let (keeper, base) = keeper(&mut session, job, call.as_deref(), start)?;
+    let (mut keeper, base) = keeper(&mut session, job, call.as_deref(), start)?;
     let rehearsal = match &job.rehearse {
         None => None,
         Some(wishes) => {
@@ -222,6 +222,9 @@ pub fn perform(job: &Job, show: &Show, start: &Start<'_>) -> Answer {
             term::complain(&super::transform::text(&rehearsal.report, false));
         }
         session.take_up(&rehearsal.tree, call.as_deref())?;
+        if let (Some(keeper), None) = (&mut keeper, start.recorded) {
+            keeper.decided(super::transform::steps(&rehearsal.report))?;
+        }
     }
     let journal = match (start.log, start.recorded.map(|recorded| (recorded.path(), recorded.at))) {
         (Some(path), _) => Some(Journal::create(path, job, &session.files)?),

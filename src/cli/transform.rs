@@ -105,7 +105,7 @@ impl Rehearsing {
 
 /// The plan files of a folder by name, or the file that was named.
 fn plan_files(path: &PathBuf) -> Result<Vec<PathBuf>, Trouble> {
-    if !path.is_dir() {
+    if path.is_file() {
         return Ok(vec![path.clone()]);
     }
     let cannot = |error| format!("cannot read the folder {}: {}", path.display(), pleach::files::why(&error));
@@ -264,7 +264,8 @@ fn accepted(report: &Json) -> impl Iterator<Item = &Json> {
     steps(report).iter().filter(|step| step["verdict"] == "accepted")
 }
 
-fn steps(report: &Json) -> &[Json] {
+/// What was proposed, and what became of it.
+pub fn steps(report: &Json) -> &[Json] {
     report["steps"].as_array().map_or(&[], Vec::as_slice)
 }
 

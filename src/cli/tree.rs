@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 use serde_json::{Value as Json, json};
-use store::{Store, StoreError, VersionRow};
+use store::{Decision, Store, StoreError, VersionRow};
 use vm::persist::SavedEdit;
 use vm::show::safe;
 
@@ -33,7 +33,8 @@ search opens what it finds, colours are outcomes, bars say when a task ran.
 
 Below the tree its edits are listed, each with who made it, and those that hold no more with the reason.
 With --json stdout is one object: {versions: [{run, tree, version, base, file, plan, seed, outcome, value,
-nodes, edits, steps, clock}]}, {tree: […], edits: [{edit, origin, orphan}]} with the
+nodes, edits, steps, clock}]}, {tree: […], edits: [{edit, origin, orphan}],
+decisions: [{what, decision, why, numbers}]} with the
 tree as `pleach run --json` has it, or with --diff {differences:
 [{path, kind, fields: {field: [first, second]}}]}, where kind is gone, new or changed.
 Exit codes: 0 shown, or no difference · 1 there are differences · 2 it cannot be shown.";
@@ -89,11 +90,15 @@ pub fn run(it: &Tree) -> Answer {
         nodes = below(nodes, pattern)?;
     }
     let edits = store.edits(&version)?;
+    let decisions = store.decisions(&version)?;
     match it {
         Tree { json: true, .. } => {
             let mut json = json!({"tree": nodes});
             if !edits.is_empty() {
                 json["edits"] = edits_json(&edits);
+            }
+            if !decisions.is_empty() {
+                json["decisions"] = decisions.iter().map(decision_json).collect();
             }
             term::say(&format!("{json}\n"));
         }
@@ -105,7 +110,10 @@ pub fn run(it: &Tree) -> Answer {
         _ => {
             let most = if it.all { usize::MAX } else { MOST_NODES };
             term::say(&term::paint_tree(&text(&nodes, most), term::out_style()));
-            edit_lines(&edits).iter().for_each(|line| term::say(&format!("{}\n", safe(line))));
+            let refused = decisions.iter().filter(|it| !it.why.is_empty());
+            let refused = refused.map(|it| format!("{}: {}; {}", it.decision, it.why, it.what));
+            let lines = edit_lines(&edits).into_iter().chain(refused);
+            lines.for_each(|line| term::say(&format!("{}\n", safe(&line))));
         }
     }
     Ok(0)
@@ -150,6 +158,11 @@ fn edit_lines(edits: &[(SavedEdit, Option<String>)]) -> Vec<String> {
 fn edits_json(edits: &[(SavedEdit, Option<String>)]) -> Json {
     let json = |(it, orphan): &(SavedEdit, Option<String>)| json!({"edit": it.edit, "origin": it.origin, "orphan": orphan});
     edits.iter().map(json).collect()
+}
+
+fn decision_json(it: &Decision) -> Json {
+    let numbers: Json = serde_json::from_str(&it.numbers).unwrap_or_default();
+    json!({"what": it.what, "decision": it.decision, "why": it.why, "numbers": numbers})
 }
 
 fn title(version: &VersionRow, at_ns: Option<u64>) -> String {

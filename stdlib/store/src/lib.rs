@@ -25,4 +25,4 @@ mod write;
 pub use error::StoreError;
 pub use open::{Store, is_store};
 pub use read::{Finding, RunRow, VersionRow};
-pub use write::{Begin, Fault, Import, Source, Writer, own_name};
+pub use write::{Begin, Decision, Fault, Import, Source, Writer, own_name};

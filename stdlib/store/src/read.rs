@@ -8,7 +8,7 @@ use vm::persist::{Outline, Outlined, SavedEdit, SavedTree, chunk};
 use crate::error::StoreError;
 use crate::open::Store;
 use crate::sum::Sum;
-use crate::write::{Source, chunk_sum, edit_sum, outline_sum};
+use crate::write::{Decision, Source, chunk_sum, decision_sum, edit_sum, outline_sum};
 
 /// A version of a tree.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -386,6 +386,28 @@ impl Store {
         read().map_err(|trouble| self.within(of, None, trouble, "`edits`"))
     }
 
+    /// What became of the proposals of the rehearsal before the run of a version.
+    ///
+    /// # Errors
+    /// A row is damaged or missing.
+    pub fn decisions(&self, of: &VersionRow) -> Result<Vec<Decision>, StoreError> {
+        let read = || -> Rows<Decision> {
+            let mut statement = self.db.prepare(
+                "SELECT number, what, decision, why, numbers, sum FROM decisions WHERE id = ? ORDER BY number",
+            )?;
+            let rows = statement.query_map([of.id], |row| {
+                let (number, what, decision) = (row.get(0)?, row.get(1)?, row.get(2)?);
+                let it = Decision { what, decision, why: row.get(3)?, numbers: row.get(4)? };
+                let fits = decision_sum(of.id, number, &it) == row.get::<_, i64>(5)?;
+                Ok((number, (it, fits)))
+            })?;
+            let rows: Vec<(i64, (Decision, bool))> = rows.collect::<rusqlite::Result<_>>()?;
+            let count = rows.len() as i64;
+            gapless(count, rows.into_iter().map(Ok), |it| it).and_then(all_fit)
+        };
+        read().map_err(|trouble| self.within(of, None, trouble, "`decisions`"))
+    }
+
     /// Reads everything and says what is whole.
     ///
     /// # Errors
@@ -397,6 +419,7 @@ impl Store {
             tree.json().map_err(|what| self.damaged(version, None, what))?;
             self.outline(version)?;
             self.log(version)?;
+            self.decisions(version)?;
             match self.run(version) {
                 Ok(run) => drop(self.program(version, &run.program)?),
                 Err(StoreError::Missing { .. }) => {}

@@ -93,6 +93,24 @@ fn begin_of(run: &RunRow) -> Begin {
     }
 }
 
+/// What became of a proposal to change the plan of a run.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Decision {
+    /// Who proposed which edits, as text.
+    pub what: String,
+    /// `accepted` or `refused`, and by which check.
+    pub decision: String,
+    /// Why it was refused; empty if it was not.
+    pub why: String,
+    /// What the check has measured, as JSON.
+    pub numbers: String,
+}
+
+pub(crate) fn decision_sum(id: i64, number: i64, it: &Decision) -> i64 {
+    let sum = Sum::of("decisions").number(id).number(number);
+    sum.text(&it.what).text(&it.decision).text(&it.why).text(&it.numbers).end()
+}
+
 /// What a call of the store can come to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Fault {
@@ -411,6 +429,24 @@ impl Writer {
         // The lock is held already, by this writer.
         let store = Store::write_locked(&self.store.path, None)?;
         Writer::put(store, tree, None, saved, origin).map(|writer| writer.version)
+    }
+
+    /// Writes what became of the proposals of the rehearsal before the run.
+    ///
+    /// # Errors
+    /// The store cannot be written.
+    pub fn decided(&mut self, decisions: &[Decision]) -> Result<(), StoreError> {
+        let id = self.id;
+        self.in_batch(|to| {
+            for (number, it) in (1..).zip(decisions) {
+                let sum = decision_sum(id, number, it);
+                to.execute(
+                    "INSERT OR REPLACE INTO decisions VALUES (?, ?, ?, ?, ?, ?, ?)",
+                    params![id, number, it.what, it.decision, it.why, it.numbers, sum],
+                )?;
+            }
+            to.write_version(0)
+        })
     }
 
     // ------------------------------------------------------------------ batches

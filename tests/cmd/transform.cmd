@@ -1,0 +1,209 @@
+# Plans that are rehearsed and rewritten: what is kept, what is refused, and why.
+=== day.plan
+(use transformation)
+(def-plan nap () (sleep 5))
+(def-plan work (what) (sleep 1) what)
+(def-plan main () (nap) (work 'a) (nap) (print "done"))
+(def-transformation lazy
+  "Skips naps."
+  :applicable (task-name ?nap nap)
+  :rewrite (list (skip ?nap)))
+(def-transformation lazier
+  "Naps after work."
+  :applicable (task-name ?work work)
+  :rewrite (list (after ?work '(nap)))
+  :before (lazy))
+=== more/twice.plan
+(use transformation)
+(def-transformation at-once
+  "Work is the same once."
+  :applicable (and (task-name ?a work) (task-name ?b work) (before ?a ?b))
+  :rewrite (list (skip ?b)))
+=== more/none.plan
+(use transformation)
+(def-transformation hopeless
+  "Needs a hand more than there are."
+  :applicable (task-name ?work work)
+  :rewrite (list (skip ?work))
+  :capacity ((< 2 (- (hands) (hands-used)))))
+=== circle.plan
+(use transformation)
+(def-transformation a "A." :applicable (task ?t) :rewrite nil :before (b))
+(def-transformation b "B." :applicable (task ?t) :rewrite nil :before (a))
+(def-plan main () (print 1))
+=== fails.plan
+(use transformation)
+(def-plan work () (fail plan-failure :message "no tools"))
+(def-plan main () (work))
+(def-transformation lazy "Skips work." :applicable (task-name ?work work) :rewrite (list (skip ?work)))
+=== wrong.plan
+(use transformation)
+(def-transformation lazy "Says too little." :applicable (task ?t))
+(def-transformation odd "Says too much." :applicable (task ?t) :rewrite nil :keep ((task ?t)))
+(def-plan main () (print 1))
+=== commands
+$ pleach transform day.plan
+rehearsed under 5 seeds: 11.0 s → 1.0 s, 91 % less
+  lazy             accepted (projected), 11.0 s → 6.0 s
+      (skip (path main nap) :by 'lazy)
+  lazy             accepted (projected), 6.0 s → 1.0 s
+      (skip (path main (nap :call 2)) :by 'lazy)
+1 refused, --why says why
+top-level  succeeded  [0 – 1 s, 1 s]
+└─ main  succeeded  [0 – 1 s, 1 s]
+   ├─ nap  skipped (edit)
+   ├─ work a  succeeded → a  [0 – 1 s, 1 s]
+   └─ nap  skipped (edit)
+--- exit 0
+$ pleach transform day.plan --why --quiet --rules more
+rehearsed under 5 seeds: 11.0 s → 1.0 s, 91 % less
+  lazier           refused (projected), 11.0 s → 16.0 s: it does not pay under these seeds
+      (after (path main work) '(nap) :by 'lazier)
+  lazy             accepted (projected), 11.0 s → 6.0 s
+      (skip (path main nap) :by 'lazy)
+  lazy             accepted (projected), 6.0 s → 1.0 s
+      (skip (path main (nap :call 2)) :by 'lazy)
+  hopeless         refused (static): the capacity (< 2 (- (hands) (hands-used))) of hopeless does not hold even with empty hands
+      (skip (path main work) :by 'hopeless)
+--- exit 0
+$ pleach transform day.plan --only lazy --accept paired -q
+rehearsed under 5 seeds: 11.0 s → 1.0 s, 91 % less
+  lazy             accepted (paired), saves 5.0 s (5.0 to 5.0, 20 pairs)
+      (skip (path main nap) :by 'lazy)
+  lazy             accepted (paired), saves 5.0 s (5.0 to 5.0, 20 pairs)
+      (skip (path main (nap :call 2)) :by 'lazy)
+--- exit 0
+$ pleach transform day.plan --only lazier -q
+rehearsed under 5 seeds: 11.0 s → 11.0 s, 0 % less
+nothing was kept; 1 refused, --why says why
+--- exit 1
+$ pleach transform day.plan --only nobody -q
+--- stderr
+error: the rehearsal failed
+  × transformation-failure: there is no transformation nobody; there are: lazier lazy
+  │ in top-level
+  │ name: nobody
+     ╭─[library/transformation.plan:117:7]
+ 116 │         (unless (member name names)
+ 117 │ ╭─▶       (fail transformation-failure
+ 118 │ │               :name name
+ 119 │ │               :message (format "there is no transformation ~a; there are: ~a"
+ 120 │ │                                name
+ 121 │ ├─▶                              (string-join (map symbol->string names) " "))))
+     · ╰──── failed here
+ 122 │         name))
+     ╰────
+--- exit 2
+$ pleach transform day.plan --list
+1  lazier                   enabled   Naps after work.
+2  lazy                     enabled   Skips naps.
+--- exit 0
+$ pleach transform day.plan --list --json
+{"transformations":[{"before":["lazy"],"doc":"Naps after work.","name":"lazier","priority":1,"state":"enabled"},{"before":null,"doc":"Skips naps.","name":"lazy","priority":2,"state":"enabled"}]}
+--- exit 0
+$ pleach transform day.plan --only lazy --json -q
+{"after":1.0,"before":11.0,"seeds":[1000003,1000004,1000005,1000006,1000007],"steps":[{"check":"projected","edits":["(skip (path main nap) :by 'lazy)"],"input":{"?nap":"top-level / main / nap"},"numbers":{"after":6.0,"before":11.0,"seeds":[1000003,1000004,1000005,1000006,1000007],"succeeded":5},"transformation":"lazy","verdict":"accepted","why":null},{"check":"projected","edits":["(skip (path main (nap :call 2)) :by 'lazy)"],"input":{"?nap":"top-level / main / nap :call 2"},"numbers":{"after":1.0,"before":6.0,"seeds":[1000003,1000004,1000005,1000006,1000007],"succeeded":5},"transformation":"lazy","verdict":"accepted","why":null}],"tree":[{"name":"top-level","path":"top-level","parent":null,"kind":"top-level","status":"succeeded","attempt":1,"params":{},"value":"nil","start":0.0,"end":1.0},{"name":"main","path":"top-level / main","parent":0,"kind":"plan","status":"succeeded","attempt":1,"params":{},"value":"nil","start":0.0,"end":1.0},{"name":"nap","path":"top-level / main / nap","parent":1,"kind":"plan","status":"skipped","attempt":1,"params":{},"value":"nil","why":"edit","start":0.0,"end":0.0,"edits":["(skip (path main nap) :by 'lazy)"]},{"name":"work","path":"top-level / main / work","parent":1,"kind":"plan","status":"succeeded","attempt":1,"params":{"what":"a"},"value":"a","start":0.0,"end":1.0},{"name":"nap","path":"top-level / main / nap :call 2","parent":1,"kind":"plan","status":"skipped","attempt":1,"params":{},"value":"nil","why":"edit","start":1.0,"end":1.0,"edits":["(skip (path main (nap :call 2)) :by 'lazy)"]}]}
+--- exit 0
+$ pleach run day.plan --rehearse
+done
+--- stderr
+rehearsed under 5 seeds: 11.0 s → 1.0 s, 91 % less
+  lazy             accepted (projected), 11.0 s → 6.0 s
+      (skip (path main nap) :by 'lazy)
+  lazy             accepted (projected), 6.0 s → 1.0 s
+      (skip (path main (nap :call 2)) :by 'lazy)
+1 refused, --why says why
+top-level  succeeded  [0 – 1 s]
+└─ main  succeeded  [0 – 1 s]
+   ├─ nap  skipped (edit)
+   ├─ work a  succeeded → a  [0 – 1 s]
+   └─ nap  skipped (edit)
+--- exit 0
+$ pleach run day.plan --rehearse --store s.store --tree day -q; pleach tree s.store day; pleach run day.plan --store s.store --tree day -q; pleach tree s.store
+done
+top-level  succeeded  [0 – 1 s, 1 s]
+└─ main  succeeded  [0 – 1 s, 1 s]
+   ├─ nap  skipped (edit)
+   ├─ work a  succeeded → a  [0 – 1 s, 1 s]
+   └─ nap  skipped (edit)
+edit (skip (path main nap) :by 'lazy) by transformation lazy
+edit (skip (path main (nap :call 2)) :by 'lazy) by transformation lazy
+refused (projected): it does not pay under these seeds; lazier: (after (path main work) '(nap) :by 'lazier)
+done
+  run  tree                     outcome          nodes  edits  file
+    1  day@1                    succeeded            5      2  day.plan main
+    2  day@2                    succeeded            5      2  day.plan main
+--- exit 0
+$ pleach run day.plan --rehearse --log day.log -q; pleach replay day.log -q
+done
+done
+--- exit 0
+$ pleach transform circle.plan --list
+--- stderr
+  × transformation-failure: the priorities go in a circle: b before a before b
+  │ in top-level
+  │ name: b
+     ╭─[library/transformation.plan:181:10]
+ 180 │            (let ((name (get (first left) :name)))
+ 181 │ ╭─▶          (fail transformation-failure
+ 182 │ │                  :name name
+ 183 │ │                  :message (format "the priorities go in a circle: ~a"
+ 184 │ │                                   (string-join (map symbol->string (%circle name before nil))
+ 185 │ ├─▶                                              " before "))))))))
+     · ╰──── failed here
+ 186 │     
+     ╰────
+--- exit 2
+$ pleach transform fails.plan
+the plan fails in projection: no tools
+top-level  failed: plan-failure
+└─ main  failed: plan-failure
+   └─ work  failed: plan-failure
+--- exit 1
+$ pleach transform wrong.plan
+--- stderr
+expand::failed
+
+  × the macro `transformation` failed: the transformation lazy does not say :rewrite (program-
+  │ error)
+   ╭─[wrong.plan:2:1]
+ 1 │ (use transformation)
+ 2 │ (def-transformation lazy "Says too little." :applicable (task ?t))
+   · ─────────────────────────────────┬────────────────────────────────
+   ·                                  ╰── expanded here
+ 3 │ (def-transformation odd "Says too much." :applicable (task ?t) :rewrite nil :keep ((task ?t)))
+   ╰────
+expand::failed
+
+  × the macro `transformation` failed: the transformation odd says :keep; it may
+  │ say :applicable :answers :rewrite :keeps :capacity :before (program-error)
+   ╭─[wrong.plan:3:1]
+ 2 │ (def-transformation lazy "Says too little." :applicable (task ?t))
+ 3 │ (def-transformation odd "Says too much." :applicable (task ?t) :rewrite nil :keep ((task ?t)))
+   · ───────────────────────────────────────────────┬──────────────────────────────────────────────
+   ·                                                ╰── expanded here
+ 4 │ (def-plan main () (print 1))
+   ╰────
+--- exit 2
+$ pleach transform missing.plan
+--- stderr
+error: cannot read missing.plan: there is no such file
+  help: check the name, and the folder that you are in
+--- exit 2
+$ pleach transform day.plan --rules nowhere.plan
+--- stderr
+error: cannot read the folder nowhere.plan: there is no such file
+--- exit 2
+$ pleach transform day.plan --plan nap --arg 1
+--- stderr
+error: the rehearsal failed
+  × arity-error: `nap` takes 0 arguments, got 1
+  │ in top-level
+     ╭─[library/transformation.plan:425:3]
+ 424 │ (def-fun %run (state tree seed)
+ 425 │   (project (get state :plan) :args (get state :args) :tree tree :seed seed))
+     ·   ────────────────────────────────────┬────────────────────────────────────
+     ·                                       ╰── failed here
+ 426 │ 
+     ╰────
+--- exit 2
