@@ -181,7 +181,7 @@ impl Session {
     /// Loads a file whose definitions take part, and which nobody has to name.
     fn load_rules(&mut self, path: &Path, output: &mut dyn Output) -> Result<(), NoRehearsal> {
         let module = self.module;
-        let loaded = self.load_file(path).map_err(|why| format!("cannot read {}: {why}", path.display()))?;
+        let loaded = self.load_file(path)?;
         self.module = module;
         self.load_quietly(loaded, output)
     }

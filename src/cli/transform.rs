@@ -108,7 +108,7 @@ fn plan_files(path: &PathBuf) -> Result<Vec<PathBuf>, Trouble> {
     if path.is_file() {
         return Ok(vec![path.clone()]);
     }
-    let cannot = |error| format!("cannot read the folder {}: {}", path.display(), pleach::files::why(&error));
+    let cannot = |error| format!("cannot read {}: {}", path.display(), pleach::files::why(&error));
     let entries = std::fs::read_dir(path).map_err(cannot)?;
     let mut all: Vec<PathBuf> = entries.filter_map(|entry| Some(entry.ok()?.path())).collect();
     all.retain(|it| it.extension().is_some_and(|ending| ending == "plan"));

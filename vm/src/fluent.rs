@@ -137,6 +137,12 @@ impl Fluent {
         *self.value.borrow_mut() = value;
     }
 
+    /// It is as it was before somebody rehearsed something; nobody hears of it.
+    pub(crate) fn put_back(&self, value: Value, rises: u64) {
+        self.put(value);
+        self.rises.set(rises);
+    }
+
     /// As if it had become true for a moment.
     pub(crate) fn pulse(&self) -> Vec<(Waiter, Value)> {
         self.rises.set(self.rises.get() + 1);

@@ -232,6 +232,7 @@ impl Machine {
         let (seed, projected) = (seed.unwrap_or(self.top().seed), projected || self.top().projected);
         let mut run = Run::new(start, !self.breaks.is_empty(), seed);
         run.projected = projected;
+        run.before = projected.then(Default::default);
         run.number = self.inner_runs;
         run.deliver = deliver;
         run.world = self.top().world.as_ref().map(|world| world.fork());

@@ -56,6 +56,22 @@ pub enum TaskOp {
     WorldChanged(Value),
 }
 
+/// How a fluent was before a rehearsal.
+pub(super) struct Before {
+    fluent: Value,
+    value: Value,
+    rises: u64,
+}
+
+impl Before {
+    /// It is so again.
+    pub(super) fn put_back(self) {
+        if let Ok(fluent) = fluent_of(&self.fluent) {
+            fluent.put_back(self.value, self.rises);
+        }
+    }
+}
+
 fn fluent_of(value: &Value) -> Result<&Fluent, Raise> {
     match value.obj() {
         Some(Obj::Fluent(fluent)) => Ok(fluent),
@@ -169,7 +185,8 @@ impl Machine {
         let mut todo = vec![fluent.clone()];
         while let Some(fluent) = todo.pop() {
             let it = fluent_of(&fluent)?;
-            self.wake(it.pulse());
+            self.remember(&fluent);
+            self.wake(it, it.pulse());
             let follows = |dependent: &Value| {
                 let derived = fluent_of(dependent).ok().and_then(|it| it.derived.as_ref());
                 derived.is_some_and(|derived| derived.function.is_nil())
@@ -190,8 +207,9 @@ impl Machine {
         if it.derived.is_some() {
             return Err(type_error("a fluent that is not computed from others", fluent));
         }
+        self.remember(fluent);
         let Some(woken) = it.set(value) else { return Ok(()) };
-        self.wake(woken);
+        self.wake(it, woken);
         let mut todo: BTreeMap<(u32, u64), Value> = BTreeMap::new();
         let mut failed = None;
         let later = |todo: &mut BTreeMap<_, _>, changed: &Fluent| {
@@ -211,8 +229,9 @@ impl Machine {
             };
             match value {
                 Ok(value) => {
+                    self.remember(&fluent);
                     if let Some(woken) = it.set(value) {
-                        self.wake(woken);
+                        self.wake(it, woken);
                         later(&mut todo, it);
                     }
                 }
@@ -223,8 +242,22 @@ impl Machine {
         failed.map_or(Ok(()), Err)
     }
 
-    fn wake(&mut self, woken: Vec<(Waiter, Value)>) {
+    /// A rehearsal leaves fluents as they were: how this one is now, if it is older than the rehearsal that goes on.
+    fn remember(&mut self, fluent: &Value) {
+        let rehearsal = self.runs.iter_mut().rev().find_map(|run| run.before.as_mut());
+        let (Some(before), Ok(it)) = (rehearsal, fluent_of(fluent)) else { return };
+        let was = || Before { fluent: fluent.clone(), value: it.value(), rises: it.rises() };
+        before.entry(it.id).or_insert_with(was);
+    }
+
+    /// Those who wait outside of a rehearsal go on waiting in it.
+    fn wake(&mut self, fluent: &Fluent, woken: Vec<(Waiter, Value)>) {
+        let rehearsal = self.runs.iter().find(|run| run.before.is_some()).map_or(0, |run| run.number);
         for (waiter, value) in woken {
+            if waiter.run < rehearsal {
+                fluent.wait(waiter, |_| true);
+                continue;
+            }
             let Some(run) = self.runs.iter_mut().find(|run| run.number == waiter.run) else { continue };
             let id = TaskId(waiter.task);
             if run.stands(&waiter) {

@@ -30,6 +30,7 @@ mod solve;
 mod task;
 mod unwind;
 
+use std::collections::BTreeMap;
 use std::rc::Rc;
 
 use rustc_hash::FxHashMap;
@@ -162,8 +163,10 @@ struct Run {
     world_fluent: Option<Value>,
     /// Key of its random draws.
     seed: u64,
-    /// It is a rehearsal: see [`Next::RunPlan`](crate::native::Next::RunPlan).
+    /// It is, or is in, a rehearsal: see [`Next::RunPlan`](crate::native::Next::RunPlan).
     projected: bool,
+    /// Of a rehearsal: the fluents from before it that it has set, by their numbers, as they were.
+    before: Option<BTreeMap<u64, fluent::Before>>,
 }
 
 impl Run {
@@ -204,6 +207,7 @@ impl Run {
             world_fluent: None,
             seed,
             projected: false,
+            before: None,
         }
     }
 
@@ -545,6 +549,7 @@ impl Machine {
         };
         inner.tree.end(RecId(1), status, value, inner.now);
         inner.tree.world = inner.world.take().map(Rc::from);
+        inner.before.take().into_iter().flatten().for_each(|(_, before)| before.put_back());
         let tree = Value::new(crate::value::Obj::Tree(Rc::new(inner.tree)));
         self.top().stack[inner.deliver] = tree;
         None
