@@ -125,18 +125,7 @@ impl Keeper {
 
     /// What became of the proposals of a rehearsal: `steps` of its report.
     pub fn decided(&mut self, steps: &[Json]) -> Result<(), StoreError> {
-        let word = |step: &Json, key: &str| step[key].as_str().unwrap_or_default().to_string();
-        let decision = |step: &Json| {
-            let edits = step["edits"].as_array().into_iter().flatten().filter_map(Json::as_str);
-            let edits: Vec<&str> = edits.collect();
-            Decision {
-                what: format!("{}: {}", word(step, "transformation"), edits.join(" ")),
-                decision: format!("{} ({})", word(step, "verdict"), word(step, "check")),
-                why: word(step, "why"),
-                numbers: step["numbers"].to_string(),
-            }
-        };
-        let decisions: Vec<Decision> = steps.iter().map(decision).collect();
+        let decisions = decisions(steps);
         if decisions.is_empty() { Ok(()) } else { self.writer.decided(&decisions) }
     }
 
@@ -161,6 +150,22 @@ impl Keeper {
     pub fn resume_words(&self) -> String {
         format!("pleach resume {} {}", self.path.display(), self.writer.id)
     }
+}
+
+/// Steps of a rehearsal, as a store keeps them.
+pub fn decisions(steps: &[Json]) -> Vec<Decision> {
+    let word = |step: &Json, key: &str| step[key].as_str().unwrap_or_default().to_string();
+    let decision = |step: &Json| {
+        let edits = step["edits"].as_array().into_iter().flatten().filter_map(Json::as_str);
+        let edits: Vec<&str> = edits.collect();
+        Decision {
+            what: format!("{}: {}", word(step, "transformation"), edits.join(" ")),
+            decision: format!("{} ({})", word(step, "verdict"), word(step, "check")),
+            why: word(step, "why"),
+            numbers: step["numbers"].to_string(),
+        }
+    };
+    steps.iter().map(decision).collect()
 }
 
 /// The version that is meant: `kitchen`, `kitchen@2`, or the number of a run; without a word the last one.

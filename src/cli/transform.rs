@@ -1,6 +1,6 @@
 //! `pleach transform`, and what `pleach run --rehearse` shares with it: a plan is rehearsed and rewritten.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 use compiler::Report;
@@ -8,13 +8,14 @@ use pleach::rehearse::{NoRehearsal, Rehearsal, Wishes};
 use pleach::session::Output;
 use pleach::{Ended, Session};
 use serde_json::{Value as Json, json};
+use store::{Store, StoreError, VersionRow, Writer};
 use vm::machine::Machine;
 use vm::persist::SavedTree;
 use vm::show::safe;
 
 use super::run::{Job, Show, call};
 use super::settings::Settings;
-use super::{Answer, ERRORS, FAILED, INTERRUPTED, Trouble, files, interrupt, report, term};
+use super::{Answer, ERRORS, FAILED, INTERRUPTED, Trouble, files, interrupt, keep, report, term};
 
 pub const HELP: &str = "\
 Examples:
@@ -24,6 +25,7 @@ Examples:
   pleach transform kitchen.plan --only both-hands --plan set-table --arg \"'(cup plate)\"
   pleach transform kitchen.plan --rules my-rules      with all transformations in the files of a folder
   pleach transform kitchen.plan --list                the transformations, in the order in which they are tried
+  pleach transform runs.store kitchen --save          the plan of a stored run, with the edits that its tree has by now
   pleach run kitchen.plan --rehearse                  the same, and then run the better plan
 
 The plan runs in projection under some seeds. Rules look at what happened, and propose edits of the plan. What is
@@ -38,8 +40,13 @@ Exit codes: 0 something was kept · 1 nothing was, or the plan fails in projecti
 /// `pleach transform`
 #[derive(Args)]
 pub struct Transform {
-    /// The plan file
+    /// The plan file, or a store
     file: PathBuf,
+    /// The tree of the store: NAME or NAME@VERSION; without, the last one. Its edits are where it starts from
+    tree: Option<String>,
+    /// Put the better plan into the store, as the next version of the tree
+    #[arg(long)]
+    save: bool,
     /// The plan; without it `main`
     #[arg(long, value_name = "NAME")]
     plan: Option<String>,
@@ -139,27 +146,80 @@ pub fn from_json(json: &Json) -> Option<Wishes> {
     })
 }
 
-/// Transforms a plan, and says what came of it.
-pub fn run(it: &Transform) -> Answer {
-    let wishes = it.rehearsing.wishes(&it.settings)?;
+/// What is transformed: a plan as its file says it, or as a tree of a store has it by now.
+struct Subject {
+    job: Job,
+    session: Session,
+    base: Option<SavedTree>,
+    /// The tree and its last version.
+    version: Option<VersionRow>,
+}
+
+/// The plan of a file.
+fn of_file(it: &Transform) -> Result<Subject, Trouble> {
+    if let Some(name) = &it.tree {
+        let what = format!("{} is no store, so it has no tree `{}`", it.file.display(), safe(name));
+        return Err(Trouble::new(what, "name a plan file alone, or a store and a tree of it"));
+    }
     let job = Job {
         file: it.file.clone(),
         plan: it.plan.clone(),
         args: it.args.clone(),
         settings: it.settings.clone(),
-        rehearse: Some(wishes.clone()),
+        rehearse: None,
     };
+    let session = Session::new(job.settings.options(term::error_style())?);
+    Ok(Subject { job, session, base: None, version: None })
+}
+
+/// The plan that a run of a store has run, with the edits that hold by now.
+fn of_store(it: &Transform) -> Result<Subject, Trouble> {
+    let store = Store::read(&it.file)?;
+    let version = keep::version(&store, it.tree.as_deref(), None)?;
+    // A version that was saved is of the plan that ran before it.
+    let mut ran = version.clone();
+    while let (Err(StoreError::Missing { .. }), Some(base)) = (store.run(&ran), ran.base) {
+        ran = store.version_by_id(base)?;
+    }
+    let recorded = keep::recorded(&it.file, Some(&ran.id.to_string()), false)?;
+    let mut job = Job { rehearse: None, ..recorded.job.clone() };
+    job.settings.seed = it.settings.seed;
+    let mut session = Session::new(job.settings.options_of_replay(term::error_style())?);
+    session.files.use_shelf(recorded.texts());
+    Ok(Subject { base: Some(store.tree(&version)?), version: Some(version), job, session })
+}
+
+/// Transforms a plan, and says what came of it.
+pub fn run(it: &Transform) -> Answer {
+    let wishes = it.rehearsing.wishes(&it.settings)?;
+    let is_store = store::is_store(&it.file);
+    if it.save && !is_store {
+        return Err(Trouble::new(
+            "--save puts the better plan into a store, and this is a plan file",
+            "pleach run FILE --rehearse --store STORE --tree NAME keeps it with the run",
+        ));
+    }
+    let Subject { job, mut session, base, version } = if is_store { of_store(it)? } else { of_file(it)? };
     let show = Show { quiet: it.quiet, json: it.json, ..Show::default() };
     if it.list {
-        return list(&job, &wishes, it.json);
+        return list(session, &job, &wishes, it.json);
     }
-    let session = Session::new(job.settings.options(term::error_style())?);
-    let rehearsal = match rehearse(session, &job, &show, &wishes, None)? {
+    if !wishes.rules.is_empty() {
+        // What is kept with a run is its program, without these.
+        session.files.use_shelf(None);
+    }
+    let rehearsal = match rehearse(session, &job, &show, &wishes, base.as_ref())? {
         Ok(rehearsal) => rehearsal,
         Err(code) => return Ok(code),
     };
+    let is_better = accepted(&rehearsal.report).next().is_some();
+    let saved = match version.filter(|_| it.save && is_better) {
+        Some(version) => Some(save(&it.file, &version, &rehearsal)?),
+        None => None,
+    };
     if it.json {
         let mut json = rehearsal.report.clone();
+        json["saved"] = json!(saved);
         json["tree"] = rehearsal.nodes.clone();
         term::say(&format!("{json}\n"));
     } else {
@@ -168,7 +228,18 @@ pub fn run(it: &Transform) -> Answer {
             term::say(&term::paint_tree(&super::tree::outline(&rehearsal.nodes), term::out_style()));
         }
     }
-    Ok(if accepted(&rehearsal.report).next().is_some() { 0 } else { FAILED })
+    if let Some(saved) = saved.filter(|_| !it.json) {
+        term::say(&format!("saved as {}; `pleach run … --tree` goes on with it\n", safe(&saved)));
+    }
+    Ok(if is_better { 0 } else { FAILED })
+}
+
+/// The better plan as the next version of a tree, with what was decided.
+fn save(path: &Path, version: &VersionRow, rehearsal: &Rehearsal) -> Result<String, Trouble> {
+    let (tree, base) = (version.tree.as_str(), Some(version.id));
+    let mut writer = Writer::put(Store::write(path)?, tree, base, &rehearsal.tree, "transform")?;
+    writer.decided(&keep::decisions(steps(&rehearsal.report)))?;
+    Ok(format!("{tree}@{}", writer.version))
 }
 
 /// Rehearses what a job says, in this session, which is for nothing else; or the exit code of what was said about errors.
@@ -219,8 +290,7 @@ pub fn rehearse(
     Err(trouble)
 }
 
-fn list(job: &Job, wishes: &Wishes, as_json: bool) -> Answer {
-    let mut session = Session::new(job.settings.options(term::error_style())?);
+fn list(mut session: Session, job: &Job, wishes: &Wishes, as_json: bool) -> Answer {
     let loaded = session.load_file(&job.file).map_err(|why| files::unreadable(&job.file, why))?;
     if !loaded.reports.iter().all(Report::is_warning) {
         return Ok(report::errors(&session, &loaded.reports, &Show::default()));

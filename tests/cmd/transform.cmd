@@ -102,7 +102,7 @@ $ pleach transform day.plan --list --json
 {"transformations":[{"before":["lazy"],"doc":"Naps after work.","name":"lazier","priority":1,"state":"enabled"},{"before":null,"doc":"Skips naps.","name":"lazy","priority":2,"state":"enabled"}]}
 --- exit 0
 $ pleach transform day.plan --only lazy --json -q
-{"after":1.0,"before":11.0,"seeds":[1000003,1000004,1000005,1000006,1000007],"steps":[{"check":"projected","edits":["(skip (path main nap) :by 'lazy)"],"input":{"?nap":"top-level / main / nap"},"numbers":{"after":6.0,"before":11.0,"seeds":[1000003,1000004,1000005,1000006,1000007],"succeeded":5},"transformation":"lazy","verdict":"accepted","why":null},{"check":"projected","edits":["(skip (path main (nap :call 2)) :by 'lazy)"],"input":{"?nap":"top-level / main / nap :call 2"},"numbers":{"after":1.0,"before":6.0,"seeds":[1000003,1000004,1000005,1000006,1000007],"succeeded":5},"transformation":"lazy","verdict":"accepted","why":null}],"tree":[{"name":"top-level","path":"top-level","parent":null,"kind":"top-level","status":"succeeded","attempt":1,"params":{},"value":"nil","start":0.0,"end":1.0},{"name":"main","path":"top-level / main","parent":0,"kind":"plan","status":"succeeded","attempt":1,"params":{},"value":"nil","start":0.0,"end":1.0},{"name":"nap","path":"top-level / main / nap","parent":1,"kind":"plan","status":"skipped","attempt":1,"params":{},"value":"nil","why":"edit","start":0.0,"end":0.0,"edits":["(skip (path main nap) :by 'lazy)"]},{"name":"work","path":"top-level / main / work","parent":1,"kind":"plan","status":"succeeded","attempt":1,"params":{"what":"a"},"value":"a","start":0.0,"end":1.0},{"name":"nap","path":"top-level / main / nap :call 2","parent":1,"kind":"plan","status":"skipped","attempt":1,"params":{},"value":"nil","why":"edit","start":1.0,"end":1.0,"edits":["(skip (path main (nap :call 2)) :by 'lazy)"]}]}
+{"after":1.0,"before":11.0,"seeds":[1000003,1000004,1000005,1000006,1000007],"steps":[{"check":"projected","edits":["(skip (path main nap) :by 'lazy)"],"input":{"?nap":"top-level / main / nap"},"numbers":{"after":6.0,"before":11.0,"seeds":[1000003,1000004,1000005,1000006,1000007],"succeeded":5},"transformation":"lazy","verdict":"accepted","why":null},{"check":"projected","edits":["(skip (path main (nap :call 2)) :by 'lazy)"],"input":{"?nap":"top-level / main / nap :call 2"},"numbers":{"after":1.0,"before":6.0,"seeds":[1000003,1000004,1000005,1000006,1000007],"succeeded":5},"transformation":"lazy","verdict":"accepted","why":null}],"saved":null,"tree":[{"name":"top-level","path":"top-level","parent":null,"kind":"top-level","status":"succeeded","attempt":1,"params":{},"value":"nil","start":0.0,"end":1.0},{"name":"main","path":"top-level / main","parent":0,"kind":"plan","status":"succeeded","attempt":1,"params":{},"value":"nil","start":0.0,"end":1.0},{"name":"nap","path":"top-level / main / nap","parent":1,"kind":"plan","status":"skipped","attempt":1,"params":{},"value":"nil","why":"edit","start":0.0,"end":0.0,"edits":["(skip (path main nap) :by 'lazy)"]},{"name":"work","path":"top-level / main / work","parent":1,"kind":"plan","status":"succeeded","attempt":1,"params":{"what":"a"},"value":"a","start":0.0,"end":1.0},{"name":"nap","path":"top-level / main / nap :call 2","parent":1,"kind":"plan","status":"skipped","attempt":1,"params":{},"value":"nil","why":"edit","start":1.0,"end":1.0,"edits":["(skip (path main (nap :call 2)) :by 'lazy)"]}]}
 --- exit 0
 $ pleach run day.plan --rehearse
 done
@@ -138,6 +138,33 @@ $ pleach run day.plan --rehearse --log day.log -q; pleach replay day.log -q
 done
 done
 --- exit 0
+$ pleach run day.plan --store t.store --tree day -q; pleach transform t.store day --save -q; pleach run day.plan --store t.store --tree day -q; rm day.plan; pleach transform t.store -q; pleach tree t.store
+done
+rehearsed under 5 seeds: 11.0 s → 1.0 s, 91 % less
+  lazy             accepted (projected), 11.0 s → 6.0 s
+      (skip (path main nap) :by 'lazy)
+  lazy             accepted (projected), 6.0 s → 1.0 s
+      (skip (path main (nap :call 2)) :by 'lazy)
+1 refused, --why says why
+saved as day@2; `pleach run … --tree` goes on with it
+done
+rehearsed under 5 seeds: 1.0 s → 1.0 s, 0 % less
+nothing was kept; 1 refused, --why says why
+  run  tree                     outcome          nodes  edits  file
+    1  day@1                    succeeded            5      0  day.plan main
+    2  day@2                    saved                5      2
+    3  day@3                    succeeded            5      2  day.plan main
+--- exit 0
+$ pleach transform t.store nothing
+--- stderr
+error: there is no tree `nothing` in the store t.store
+  help: its trees are: day
+--- exit 2
+$ pleach transform circle.plan --save
+--- stderr
+error: --save puts the better plan into a store, and this is a plan file
+  help: pleach run FILE --rehearse --store STORE --tree NAME keeps it with the run
+--- exit 2
 $ pleach transform circle.plan --list
 --- stderr
   × transformation-failure: the priorities go in a circle: b before a before b
@@ -192,18 +219,10 @@ error: cannot read missing.plan: there is no such file
 --- exit 2
 $ pleach transform day.plan --rules nowhere.plan
 --- stderr
-error: cannot read the folder nowhere.plan: there is no such file
+error: cannot read nowhere.plan: there is no such file
 --- exit 2
 $ pleach transform day.plan --plan nap --arg 1
 --- stderr
-error: the rehearsal failed
-  × arity-error: `nap` takes 0 arguments, got 1
-  │ in top-level
-     ╭─[library/transformation.plan:425:3]
- 424 │ (def-fun %run (state tree seed)
- 425 │   (project (get state :plan) :args (get state :args) :tree tree :seed seed))
-     ·   ────────────────────────────────────┬────────────────────────────────────
-     ·                                       ╰── failed here
- 426 │ 
-     ╰────
+error: cannot read day.plan: there is no such file
+  help: check the name, and the folder that you are in
 --- exit 2
