@@ -138,7 +138,7 @@ $ pleach run day.plan --rehearse --log day.log -q; pleach replay day.log -q
 done
 done
 --- exit 0
-$ pleach run day.plan --store t.store --tree day -q; pleach transform t.store day --save -q; pleach run day.plan --store t.store --tree day -q; rm day.plan; pleach transform t.store -q; pleach tree t.store
+$ pleach run day.plan --store t.store --tree day -q; pleach transform t.store day --save -q; pleach run day.plan --store t.store --tree day -q; mv day.plan gone; pleach transform t.store -q; mv gone day.plan; pleach tree t.store
 done
 rehearsed under 5 seeds: 11.0 s → 1.0 s, 91 % less
   lazy             accepted (projected), 11.0 s → 6.0 s
@@ -223,6 +223,14 @@ error: cannot read nowhere.plan: there is no such file
 --- exit 2
 $ pleach transform day.plan --plan nap --arg 1
 --- stderr
-error: cannot read day.plan: there is no such file
-  help: check the name, and the folder that you are in
+error: the rehearsal failed
+  × arity-error: `nap` takes 0 arguments, got 1
+  │ in top-level
+     ╭─[library/transformation.plan:425:3]
+ 424 │ (def-fun %run (state tree seed)
+ 425 │   (project (get state :plan) :args (get state :args) :tree tree :seed seed))
+     ·   ────────────────────────────────────┬────────────────────────────────────
+     ·                                       ╰── failed here
+ 426 │ 
+     ╰────
 --- exit 2
