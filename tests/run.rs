@@ -82,6 +82,7 @@ areas! {
     rules "rules";
     world "world";
     pick_place "pick-place";
+    transformations "transformations";
 }
 
 #[test]
