@@ -22,7 +22,7 @@ const STAGE: &str = "\
 (def-fun %rehearse (plan args accept seeds seed only tree)
   (if plan
       (rehearse plan :args args :accept accept :seeds seeds :seed seed :only only :tree tree)
-      (transform tree :only only)))
+      (transform-tree tree :only only)))
 (def-fun %transformations () (transformations))";
 
 /// How a plan is to be rehearsed.
