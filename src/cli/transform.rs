@@ -90,6 +90,9 @@ pub struct Rehearsing {
     rules: Vec<PathBuf>,
 }
 
+/// Longer edits are cut in what is said without --why, in characters.
+const LONGEST: usize = 110;
+
 /// The first seed of rehearsals lies so far from that of the run.
 const FAR: u64 = 1_000_003;
 
@@ -366,7 +369,8 @@ pub fn text(report: &Json, why: bool) -> String {
         }
         out += "\n";
         for edit in step["edits"].as_array().into_iter().flatten().filter_map(Json::as_str) {
-            out += &format!("      {}\n", safe(edit));
+            let edit = if why { edit.to_string() } else { super::tree::cut(edit, LONGEST) };
+            out += &format!("      {}\n", safe(&edit));
         }
     }
     match (kept, refused, why) {

@@ -279,7 +279,12 @@ fn step(text: &str) -> Option<(String, Option<String>)> {
 }
 
 fn brief(text: &str) -> String {
-    match text.char_indices().nth(LONGEST) {
+    cut(text, LONGEST)
+}
+
+/// A text of so many characters at most.
+pub fn cut(text: &str, most: usize) -> String {
+    match text.char_indices().nth(most) {
         Some((at, _)) => format!("{} …", &text[..at]),
         None => text.to_string(),
     }
