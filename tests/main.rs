@@ -30,4 +30,5 @@ mod saved;
 mod store;
 mod transport;
 mod treatments;
+mod variants;
 mod written;

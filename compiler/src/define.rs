@@ -432,14 +432,17 @@ impl Compiler<'_> {
             }
         };
         let Some(shown) = self.plan_params.get(&id).cloned() else { return };
-        let (doc, rest) = split_doc(&items[3..]);
+        let (doc, rest) = match &items[3..] {
+            [Form { kind: FormKind::Str(doc), .. }] => (Some(doc.clone()), &items[4..]),
+            rest => split_doc(rest),
+        };
         let (mut places, mut between, mut edits) = (Vec::new(), Vec::new(), Vec::new());
         for part in rest {
             match part.head().as_ref().map(|head| head.as_str()) {
                 Some("places") => places.extend(part.list().unwrap_or_default().iter().skip(1)),
                 Some("between") => between.push(part),
                 Some(_) => edits.push(part.clone()),
-                None => return self.misshapen_top(part, "is made of `(places …)`, `(between …)` and edits"),
+                None => return self.misshapen_top(form, "is made of `(places …)`, `(between …)` and edits"),
             }
         }
         let at = |kind| Form { kind, span: form.span };

@@ -6,7 +6,7 @@
 
 use std::rc::Rc;
 
-use crate::code::{FnId, FnKind, SiteId};
+use crate::code::{FnId, FnKind, Pc, SiteId};
 use crate::edit::{Accepted, Edit, What};
 use crate::graft::{AROUND, CALL, Change, Graft, Link, Words, move_paths, not_applied};
 use crate::host::Host;
@@ -64,6 +64,7 @@ impl Machine {
                 }
             }
         };
+        let site = self.site_of_native().unwrap_or(site);
         let name = self.program.functions[function.at()].name;
         let slot = self.slot_of_call(site, name);
         let run = self.top();
@@ -76,6 +77,13 @@ impl Machine {
             self.top().tree.extra_mut(call.rec).notes = notes;
         }
         self.drive(host, d, call)
+    }
+
+    /// The site of the native that runs: mostly natives call nothing, so their instructions do not say it.
+    fn site_of_native(&mut self) -> Option<SiteId> {
+        let at = Pc(self.top().pc.checked_sub(1)?);
+        let is_native = matches!(self.program.code.get(at.0 as usize)?, Op::CallNative(..));
+        self.program.site_at(self.program.function_at(at)?, at).filter(|_| is_native)
     }
 
     /// Adds the places and edits of a graft below a call. Answers what does not hold here, in sentences.
