@@ -9,12 +9,13 @@ use std::path::Path;
 
 use pleach::{Options, Session};
 
+use crate::expected::difference;
 use crate::oracle::random::random_program;
 use crate::oracle::with_large_stack;
 use crate::program::files_below;
 
 /// How many random programs are looked at.
-const PROGRAMS: u64 = 600;
+const PROGRAMS: u64 = 240;
 /// How many runs of one program.
 const RUNS: usize = 40;
 
@@ -87,14 +88,13 @@ fn check(name: &str, program: &str) -> usize {
             let other = look(program, n, how, more);
             let other = other.unwrap_or_else(|| panic!("{name}, run {n}: nothing with {how}\n{more}"));
             let found = below(&other.tree, 2);
+            let as_text = |printed: &str, tree: &[String]| format!("{printed}{}\n", tree.join("\n"));
+            let (wanted, found) = (as_text(&plain.printed, &wanted), as_text(&other.printed, &found));
             assert!(
-                wanted == found && plain.printed == other.printed,
-                "{name}, run {n}, {how}\n{}\n--- as run-plan does it\n{}{}\n--- otherwise\n{}{}",
+                wanted == found,
+                "{name}, run {n}, {how}\n{}\n{}",
                 plain.text,
-                plain.printed,
-                wanted.join("\n"),
-                other.printed,
-                found.join("\n")
+                difference(&wanted, &found)
             );
         }
     }
@@ -121,10 +121,11 @@ fn variants_of_random_plans_do_what_run_plan_does() {
         let mut runs = 0;
         for seed in (0..PROGRAMS).filter(|seed| seed % 3 > 0) {
             // What is drawn belongs to a place, and the places are others.
-            let program = random_program(seed).replace("(random ", "(min 1 ");
+            let program =
+                random_program(seed).replace("(random ", "(min 1 ").replace("(random-float)", "0.3");
             runs += check(&format!("seed {seed}\n{program}"), &program);
         }
         println!("{runs} runs");
-        assert!(runs > 300, "only {runs} runs were looked at");
+        assert!(runs > 200, "only {runs} runs were looked at");
     });
 }

@@ -457,8 +457,13 @@ impl Compiler<'_> {
             with_elements(&row)
         });
         let edits = std::iter::once(word("list")).chain(edits).collect();
-        let parts =
-            vec![word("list"), plan.clone(), rows(places), rows(between.collect()), at(FormKind::List(edits))];
+        let parts = vec![
+            word("list"),
+            plan.clone(),
+            rows(places),
+            rows(between.collect()),
+            at(FormKind::List(edits)),
+        ];
         let parts_name = Symbol::from(&format!("%{name}-edits"));
         let parts = [at(FormKind::List(vec![])), at(FormKind::List(parts))];
         self.def_function(work, form, parts_name, &parts, FnKind::Function, Meaning::Function);
@@ -765,7 +770,8 @@ fn with_elements(form: &Form) -> Form {
     let FormKind::List(items) = &form.kind else { return form.clone() };
     let mut is_element = false;
     let items = items.iter().map(|item| {
-        let after = std::mem::replace(&mut is_element, matches!(&item.kind, FormKind::Keyword(key) if *key == "for"));
+        let after =
+            std::mem::replace(&mut is_element, matches!(&item.kind, FormKind::Keyword(key) if *key == "for"));
         let computed = (after && item.symbol().is_none()) || item.head().is_some_and(|head| head == "path");
         match computed {
             true => {

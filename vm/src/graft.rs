@@ -59,6 +59,14 @@ pub struct Place {
     pub called: Option<FnId>,
 }
 
+impl Place {
+    /// True if it stands in the code of this edit of the graft.
+    #[must_use]
+    pub fn comes_from(&self, edit: usize) -> bool {
+        matches!(self.way.first(), Some(Link::Edit(number)) if *number as usize == edit)
+    }
+}
+
 /// A call site in words.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Words {
@@ -201,10 +209,40 @@ impl Graft {
             tree.edits_of(slot).iter().for_each(|number| at[*number as usize] = slot);
         }
         let mut numbers = vec![0u32; tree.edits.len() + 1];
-        let mut places = Taken { program, tree, root, known: FxHashMap::default(), labels: Labels::default() };
+        // Edits that stand outside of the plan leave no number.
+        let inside = |slot: SlotId| {
+            let mut up =
+                std::iter::successors(Some(slot), |at| Some(tree.slot(*at).parent).filter(|it| it.0 != 0));
+            up.any(|at| at == root) || is_beside(tree, slot)
+        };
+        let mut last = 0;
         for (number, accepted) in (1..).zip(tree.edits.iter()) {
-            let place = places.take(&mut graft, &numbers, at[number]);
-            let after = accepted.after.iter().map(|slot| Some((*slot, places.take(&mut graft, &numbers, *slot)?)));
+            if inside(at[number]) && accepted.after.iter().all(|slot| inside(*slot)) {
+                last += 1;
+                numbers[number] = last;
+            }
+        }
+        let mut places =
+            Taken { program, tree, root, known: FxHashMap::default(), labels: Labels::default() };
+        // Places stand in the order of the slots, which are siblings in that order where a run does not tell them apart.
+        let mut wanted: BTreeSet<SlotId> = BTreeSet::new();
+        for (number, accepted) in (1..).zip(tree.edits.iter()) {
+            if numbers[number] > 0 {
+                wanted.insert(at[number]);
+                wanted.extend(&accepted.after);
+            }
+        }
+        let up = |slot: SlotId| {
+            std::iter::successors(Some(slot), |at| Some(tree.slot(*at).parent).filter(|it| it.0 != 0))
+        };
+        let wanted: BTreeSet<SlotId> = wanted.into_iter().flat_map(up).collect();
+        for slot in wanted {
+            places.take(&mut graft, &numbers, slot);
+        }
+        for (number, accepted) in (1..).zip(tree.edits.iter()) {
+            let place = places.take(&mut graft, &numbers, at[number]).filter(|_| numbers[number] > 0);
+            let after =
+                accepted.after.iter().map(|slot| Some((*slot, places.take(&mut graft, &numbers, *slot)?)));
             let after: Option<Vec<(SlotId, usize)>> = after.collect();
             let (Some(place), Some(after)) = (place, after) else {
                 let why = "it stands outside of the plan";
@@ -218,7 +256,6 @@ impl Graft {
             let after: Vec<usize> = after.into_iter().map(|(_, place)| place).collect();
             let edit = graft.with_paths(&accepted.edit, place, &after);
             graft.edits.push(Change { place, edit: Rc::new(edit), after, between, code: accepted.code, origin: accepted.origin.clone() });
-            numbers[number] = graft.edits.len() as u32;
         }
         Ok(graft)
     }
@@ -315,6 +352,13 @@ impl Taken<'_> {
     }
 }
 
+/// True for a slot of code that an edit has put beside the plan.
+fn is_beside(tree: &Tree, slot: SlotId) -> bool {
+    let mut up = std::iter::successors(Some(slot), |at| Some(tree.slot(*at).parent));
+    let top = up.find(|at| at.0 == 0 || tree.slot(*at).parent == ROOT).unwrap_or_default();
+    top.0 != 0 && matches!(tree.keys.steps(tree.slot(top).key.chain).first(), Some(Step::Edit(_)))
+}
+
 /// What tells slots of one name below one parent apart in paths: those that the run reached have their ranks, the
 /// others come after them.
 #[derive(Default)]
@@ -364,7 +408,8 @@ impl Graft {
     /// have for elements of loops.
     #[must_use]
     pub fn text(&self, program: &Program, name: Symbol, doc: &str, read: &dyn Fn(&str) -> Value) -> String {
-        let mut out = format!("(def-variant {} (:of {})\n", symbol(name), symbol(self.places[CALL].step.name));
+        let mut out =
+            format!("(def-variant {} (:of {})\n", symbol(name), symbol(self.places[CALL].step.name));
         out += &crate::print::quoted(doc);
         let needed = self.places.len() > CALL + 1 || self.places[CALL].step.call != 1;
         if needed {
@@ -440,8 +485,8 @@ impl Graft {
         for (number, link) in place.way.iter().enumerate() {
             match link {
                 // What is called where the source does not say stands before.
-                Link::Same(Step::Name(name))
-                    if named && Some(number) == last && *name == place.step.name => {}
+                Link::Same(Step::Name(name)) if named && Some(number) == last && *name == place.step.name => {
+                }
                 Link::Same(step) => write_step(step, read, out),
                 Link::Edit(number) => *out += &format!(" :edit {number}"),
                 Link::Through(words, _) => {
@@ -498,7 +543,8 @@ impl Graft {
         let mut todo: Vec<(usize, Value)> = items(places)?.into_iter().rev().map(|it| (AROUND, it)).collect();
         let mut is_call = true;
         while let Some((above, form)) = todo.pop() {
-            let parts = items(&form)?;
+            // A name alone is a place with nothing below.
+            let parts = if form.as_symbol().is_some() { vec![form.clone()] } else { items(&form)? };
             let (place, below) = read_place(&graft, above, &form, &parts)?;
             let at = if std::mem::take(&mut is_call) {
                 graft.places[CALL].step = place.step;
@@ -677,9 +723,7 @@ pub fn move_paths(value: &Value, root: PathStep, below: &[PathStep], depth: usiz
         changed.then(|| moved.into_iter().map(|it| it.0).collect::<Vec<Value>>())
     };
     match &**obj {
-        Obj::Path(path) => {
-            moved_path(path, root, below).map(|path| Value::new(Obj::Path(Box::new(path))))
-        }
+        Obj::Path(path) => moved_path(path, root, below).map(|path| Value::new(Obj::Path(Box::new(path)))),
         Obj::Pair(head, _) if head.as_symbol().is_some_and(|head| head == "path") => {
             let steps = value.to_vec()?;
             let first = steps.get(1)?;

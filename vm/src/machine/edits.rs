@@ -248,22 +248,33 @@ impl Machine {
             }
             What::WithParam(key, _) => {
                 let Some(rec) = tree.shown(slot) else { return Ok(()) };
-                let params = match tree.record(rec).kind {
-                    NodeKind::Action => return Ok(()),
-                    _ => &self.program.functions[self.plan_at(tree, slot)?.at()].params,
-                };
-                let known: Vec<Symbol> = params.given_names().collect();
-                if known.contains(key) {
-                    return Ok(());
+                match tree.record(rec).kind {
+                    NodeKind::Action => Ok(()),
+                    _ => self.check_param(tree, slot, self.plan_at(tree, slot)?, *key),
                 }
-                let known: Vec<&str> = known.iter().map(|name| name.as_str()).collect();
-                Err(match known.is_empty() {
-                    true => format!("{} has no parameter `{key}`, and no other that has a name", path()),
-                    false => format!("{} has no parameter `{key}`, only {}", path(), known.join(", ")),
-                })
             }
             _ => Ok(()),
         }
+    }
+
+    /// Edits change parameters that the plan has.
+    pub(super) fn check_param(
+        &self,
+        tree: &Tree,
+        slot: SlotId,
+        plan: FnId,
+        key: Symbol,
+    ) -> Result<(), String> {
+        let known: Vec<Symbol> = self.program.functions[plan.at()].params.given_names().collect();
+        if known.contains(&key) {
+            return Ok(());
+        }
+        let path = Path::of(tree, slot).show();
+        let known: Vec<&str> = known.iter().map(|name| name.as_str()).collect();
+        Err(match known.is_empty() {
+            true => format!("{path} has no parameter `{key}`, and no other that has a name"),
+            false => format!("{path} has no parameter `{key}`, only {}", known.join(", ")),
+        })
     }
 
     /// The plan that was called at a slot.

@@ -102,12 +102,25 @@ impl Machine {
         };
         growing.slots[AROUND] = Some(Some(tree.slot(call).parent));
         growing.slots[CALL] = Some(Some(call));
+        // In the order of the places, as far as they do not come from the code of an edit.
+        for at in 0..graft.places.len() {
+            if growing.is_ready(at) {
+                self.place_of(&mut growing, at);
+            }
+        }
         for (number, change) in (1..).zip(&graft.edits) {
             if change.place == AROUND {
                 continue;
             }
             match self.grow(host, &mut growing, change) {
-                Ok(now) => growing.numbers[number] = now,
+                Ok(now) => {
+                    growing.numbers[number] = now;
+                    for at in 0..graft.places.len() {
+                        if graft.places[at].comes_from(number) && growing.is_ready(at) {
+                            self.place_of(&mut growing, at);
+                        }
+                    }
+                }
                 Err(why) => notes.push(not_applied(change.edit.word(), &change.edit.at, &why)),
             }
         }
@@ -126,7 +139,8 @@ impl Machine {
             let path = growing.graft.path(place);
             format!("the program does not have the place {} any more", path.show())
         };
-        let (mine, theirs) = (gone(change.place), change.after.iter().map(|it| gone(*it)).collect::<Vec<_>>());
+        let (mine, theirs) =
+            (gone(change.place), change.after.iter().map(|it| gone(*it)).collect::<Vec<_>>());
         let slot = self.place_of(growing, change.place).ok_or(mine)?;
         let mut after = Vec::new();
         let mut between = std::collections::BTreeMap::new();
@@ -156,6 +170,12 @@ impl Machine {
         let run = &self.runs[self.runs.len() - 1];
         self.check_value(&run.tree, slot, &edit)?;
         let plan = self.plan_called(slot)?;
+        if let What::WithParam(key, _) = &edit.what
+            && self.program.ground != Some(plan)
+        {
+            let run = &self.runs[self.runs.len() - 1];
+            self.check_param(&run.tree, slot, plan, *key)?;
+        }
         let home = change.code.or_else(|| self.home_of(&edit)).unwrap_or(plan);
         let code = self.compile_code(host, &edit, plan, home)?;
         let is_action = self.program.ground == Some(plan);
@@ -186,9 +206,10 @@ impl Machine {
 
     /// The slot of a place, made if it is missing; none if the program does not have it.
     fn place_of(&mut self, growing: &mut Growing<'_>, place: usize) -> Option<SlotId> {
-        let missing: Vec<usize> = std::iter::successors(Some(place), |at| Some(growing.graft.places[*at].above))
-            .take_while(|at| growing.slots[*at].is_none())
-            .collect();
+        let missing: Vec<usize> =
+            std::iter::successors(Some(place), |at| Some(growing.graft.places[*at].above))
+                .take_while(|at| growing.slots[*at].is_none())
+                .collect();
         for at in missing.into_iter().rev() {
             let slot = self.slot_below(growing, at);
             growing.slots[at] = Some(slot);
@@ -233,7 +254,8 @@ impl Machine {
         let chain = steps.into_iter().fold(Chain::EMPTY, |chain, step| run.tree.keys.then(chain, step, hash));
         let slot = run.tree.restore_slot(above, Key { site, chain }, place.step.name, it.hash);
         if it.callee.is_none() && run.tree.called(slot).is_none() {
-            let is_plan = matches!(program.code.get(it.pc.0 as usize), Some(Op::CallValue(..) | Op::CallNative(..)));
+            let is_plan =
+                matches!(program.code.get(it.pc.0 as usize), Some(Op::CallValue(..) | Op::CallNative(..)));
             let called = place.called.or_else(|| is_plan.then(|| plan_named(program, place.step.name))?);
             called.into_iter().for_each(|plan| run.tree.calls(slot, plan));
         }
@@ -258,6 +280,14 @@ fn plan_named(program: &crate::code::Program, name: Symbol) -> Option<FnId> {
 }
 
 impl Growing<'_> {
+    /// True if what the place needs is there: the one above, and the edit whose code it stands in.
+    fn is_ready(&self, at: usize) -> bool {
+        let place = &self.graft.places[at];
+        let from = place.way.first();
+        let edit = matches!(from, Some(Link::Edit(number)) if self.numbers.get(*number as usize).is_none_or(|it| *it == 0));
+        self.slots[at].is_none() && self.slots[place.above].is_some() && !edit
+    }
+
     /// An edit with its paths as they are below the call.
     fn moved(&self, change: &Change) -> Edit {
         let root = self.graft.places[CALL].step;
