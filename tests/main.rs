@@ -19,6 +19,7 @@ mod docs;
 mod expected;
 mod fluents;
 mod fuzz_regressions;
+mod inlined;
 mod limits;
 mod oracle;
 mod pictures;
