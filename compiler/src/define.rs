@@ -450,7 +450,7 @@ impl Compiler<'_> {
         let rows = |forms: Vec<Form>| {
             at(FormKind::Prefixed(grammar::Prefix::Quasi, Box::new(at(FormKind::List(forms)))))
         };
-        let places = places.into_iter().map(|place| with_elements(place)).collect();
+        let places = places.into_iter().map(with_elements).collect();
         let between = between.into_iter().map(|row| {
             let items = row.list().unwrap_or_default().iter().skip(1).cloned();
             let row = Form { kind: FormKind::List(items.collect()), span: row.span };
