@@ -255,7 +255,14 @@ impl Graft {
                 .collect();
             let after: Vec<usize> = after.into_iter().map(|(_, place)| place).collect();
             let edit = graft.with_paths(&accepted.edit, place, &after);
-            graft.edits.push(Change { place, edit: Rc::new(edit), after, between, code: accepted.code, origin: accepted.origin.clone() });
+            graft.edits.push(Change {
+                place,
+                edit: Rc::new(edit),
+                after,
+                between,
+                code: accepted.code,
+                origin: accepted.origin.clone(),
+            });
         }
         Ok(graft)
     }

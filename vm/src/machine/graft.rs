@@ -182,7 +182,15 @@ impl Machine {
         let run = self.runs.last_mut().expect("a machine has a run");
         let callee = run.tree.slot(slot).name;
         let plan = (!is_action).then_some(plan);
-        let accepted = Accepted { edit: Rc::new(edit), callee, plan, code, after, between, origin: change.origin.clone() };
+        let accepted = Accepted {
+            edit: Rc::new(edit),
+            callee,
+            plan,
+            code,
+            after,
+            between,
+            origin: change.origin.clone(),
+        };
         if waits_for_itself(&run.tree, slot, &accepted) {
             return Err("it would wait for itself".into());
         }
