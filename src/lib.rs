@@ -11,6 +11,7 @@
 
 pub mod files;
 mod import;
+pub mod inline;
 pub mod query;
 pub mod read;
 pub mod rehearse;

@@ -221,6 +221,9 @@ impl Host for Door<'_> {
         let reader = crate::read::Reader::default();
         Rc::new(move |text| reader.value(text))
     }
+    fn lay_out(&self, text: String) -> String {
+        grammar::format(&text).unwrap_or(text)
+    }
     fn compile(&mut self, program: &mut Program, code: CodeRequest<'_>) -> Result<FnId, String> {
         let compiled = self.front.compile_edit(program, &code);
         compiled.map_err(|reports| {

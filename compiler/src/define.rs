@@ -32,6 +32,7 @@ const DEFINITIONS: &[&str] = &[
     "def-open-fun",
     "extend",
     "def-test",
+    "def-variant",
 ];
 
 /// A top-level form that does something when the file is loaded.
@@ -53,6 +54,8 @@ pub(crate) struct Text {
     pub(crate) rules: Vec<(Form, Vec<ModuleId>)>,
     /// Rules and facts whose clauses are not resolved yet.
     pub(crate) groups: Vec<Group>,
+    /// Variants of plans that may stand further down, with the modules of the macros around them.
+    variants: Vec<(Form, Vec<ModuleId>)>,
 }
 
 impl Compiler<'_> {
@@ -95,6 +98,7 @@ impl Compiler<'_> {
             changed: Vec::new(),
             rules: Vec::new(),
             groups: Vec::new(),
+            variants: Vec::new(),
         };
         let mut forms = Vec::new();
         for form in parsed.forms {
@@ -120,6 +124,11 @@ impl Compiler<'_> {
             }
         }
         self.declare_groups(&mut work);
+        for (form, within) in std::mem::take(&mut work.variants) {
+            self.within = within;
+            self.def_variant(&mut work, &form);
+            self.within.clear();
+        }
         for id in std::mem::take(&mut work.functions) {
             self.compile(id);
         }
@@ -329,6 +338,7 @@ impl Compiler<'_> {
             "def-native" => self.def_native(work, form, name, rest),
             "def-open-fun" => self.def_open(work, form, name, rest),
             "extend" => self.extend(work, form, name, rest),
+            "def-variant" => work.variants.push((form.clone(), self.within.clone())),
             _ => self.def_test(work, form, name, rest),
         }
     }
@@ -367,6 +377,12 @@ impl Compiler<'_> {
         };
         let params = self.param_forms(params);
         let (doc, body) = split_doc(body);
+        let shown = params.clone();
+        self.define_function(work, form, name, Definable { params, shown, doc, body, kind, meaning });
+    }
+
+    fn define_function(&mut self, work: &mut Text, form: &Form, name: Symbol, it: Definable<'_>) {
+        let Definable { params, shown, doc, body, kind, meaning } = it;
         // Redefined in a REPL: those who call it call the new one.
         let known = self.modules.get(work.module).names.get(&name).map(|known| known.meaning.clone());
         let id = match known {
@@ -384,11 +400,80 @@ impl Compiler<'_> {
         }
         (proto.kind, proto.params) = (kind, params.params.clone());
         if kind == FnKind::Plan {
-            self.plan_params.insert(id, params.clone());
+            self.plan_params.insert(id, shown);
         }
         let within = self.within.clone();
         self.pending.insert(id, Pending { module, name, kind, params, body, span, within, defines: None });
         work.functions.push(id);
+    }
+
+    /// `(def-variant name (:of plan) "doc" (places …) (between …)… edit…)`: two functions. One gives the plan, the places
+    /// and the edits; the other one, a plan with the same parameters, calls the plan with these.
+    fn def_variant(&mut self, work: &mut Text, form: &Form) {
+        let items = form.list().unwrap_or_default();
+        let Some(name) = items.get(1).and_then(Form::symbol) else { return };
+        let of = items.get(2).and_then(Form::list).unwrap_or_default();
+        let (plan, plan_name) = match of {
+            [Form { kind: FormKind::Keyword(key), .. }, plan] if *key == "of" && plan.symbol().is_some() => {
+                (plan, plan.symbol().unwrap_or_default())
+            }
+            _ => return self.misshapen_top(form, "needs `(:of plan)` after its name"),
+        };
+        let id = match self.modules.look_up(work.module, plan_name) {
+            crate::module::Found::One(Definition { meaning: Meaning::Plan(id, _), .. }) => id,
+            crate::module::Found::One(definition) => {
+                let (is, wanted) = (definition.meaning.words().into(), "a plan".into());
+                let (name, at) = (plan_name.to_string(), plan.span);
+                return self.error(CompileError::WrongKind { name, is, wanted, at, help: None });
+            }
+            _ => {
+                let (name, at) = (plan_name.to_string(), plan.span);
+                return self.error(CompileError::UnknownName { name, at, help: None });
+            }
+        };
+        let Some(shown) = self.plan_params.get(&id).cloned() else { return };
+        let (doc, rest) = match &items[3..] {
+            [Form { kind: FormKind::Str(doc), .. }] => (Some(doc.clone()), &items[4..]),
+            rest => split_doc(rest),
+        };
+        let (mut places, mut between, mut edits) = (Vec::new(), Vec::new(), Vec::new());
+        for part in rest {
+            match part.head().as_ref().map(|head| head.as_str()) {
+                Some("places") => places.extend(part.list().unwrap_or_default().iter().skip(1)),
+                Some("between") => between.push(part),
+                Some(_) => edits.push(part.clone()),
+                None => return self.misshapen_top(form, "is made of `(places …)`, `(between …)` and edits"),
+            }
+        }
+        let at = |kind| Form { kind, span: form.span };
+        let word = |word: &str| at(FormKind::Symbol(Symbol::from(word)));
+        let rows = |forms: Vec<Form>| {
+            at(FormKind::Prefixed(grammar::Prefix::Quasi, Box::new(at(FormKind::List(forms)))))
+        };
+        let places = places.into_iter().map(with_elements).collect();
+        let between = between.into_iter().map(|row| {
+            let items = row.list().unwrap_or_default().iter().skip(1).cloned();
+            let row = Form { kind: FormKind::List(items.collect()), span: row.span };
+            with_elements(&row)
+        });
+        let edits = std::iter::once(word("list")).chain(edits).collect();
+        let parts = vec![
+            word("list"),
+            plan.clone(),
+            rows(places),
+            rows(between.collect()),
+            at(FormKind::List(edits)),
+        ];
+        let parts_name = Symbol::from(&format!("%{name}-edits"));
+        let parts = [at(FormKind::List(vec![])), at(FormKind::List(parts))];
+        self.def_function(work, form, parts_name, &parts, FnKind::Function, Meaning::Function);
+        let get = at(FormKind::List(vec![at(FormKind::Symbol(parts_name))]));
+        let body = [at(FormKind::List(vec![word("%call-variant"), get]))];
+        let tree = self.modules.prelude.iter().copied().find(|it| self.modules.get(*it).name == "tree");
+        self.within.extend(tree);
+        let (params, kind) = (shown.without_defaults(), FnKind::Plan);
+        let it = Definable { params, shown, doc, body: &body, kind, meaning: Meaning::Plan };
+        self.define_function(work, form, name, it);
     }
 
     fn def_const(&mut self, work: &mut Text, form: &Form, name: Symbol, rest: &[Form]) {
@@ -666,6 +751,37 @@ impl Compiler<'_> {
         self.lower(id, &function);
         id
     }
+}
+
+/// A function or plan to be defined.
+struct Definable<'f> {
+    /// What its body sees.
+    params: ParamForms,
+    /// What its callers see.
+    shown: ParamForms,
+    doc: Option<Box<str>>,
+    body: &'f [Form],
+    kind: FnKind,
+    meaning: fn(FnId, Params) -> Meaning,
+}
+
+/// The places of a variant as a template: what stands after `:for`, and paths, are computed.
+fn with_elements(form: &Form) -> Form {
+    let FormKind::List(items) = &form.kind else { return form.clone() };
+    let mut is_element = false;
+    let items = items.iter().map(|item| {
+        let after =
+            std::mem::replace(&mut is_element, matches!(&item.kind, FormKind::Keyword(key) if *key == "for"));
+        let computed = (after && item.symbol().is_none()) || item.head().is_some_and(|head| head == "path");
+        match computed {
+            true => {
+                let kind = FormKind::Prefixed(grammar::Prefix::Unquote, Box::new(item.clone()));
+                Form { kind, span: item.span }
+            }
+            false => with_elements(item),
+        }
+    });
+    Form { kind: FormKind::List(items.collect()), span: form.span }
 }
 
 /// What people call a file: its name without folders and ending.

@@ -3,6 +3,8 @@
 use std::rc::Rc;
 
 use vm::edit::{Edit, What};
+use vm::failure::{Builtin, Failure};
+use vm::graft::{self, Graft};
 use vm::host::Request;
 use vm::machine::Ctx;
 use vm::native::{Next, Raise, range_error, type_error};
@@ -16,6 +18,9 @@ natives! {
     "run-plan" [1 ..] in ctx => run_plan;
     "project" [1 ..] in ctx => project;
     "edit-tree" [2 ..] in ctx => edit_tree;
+    "call-with-edits" [2 ..] in ctx => call_with_edits;
+    "%call-variant" [1] in ctx => call_variant;
+    "variant-text" [2 3] in ctx => variant_text;
     "without-edits" [1] => |args: &[Value]| Ok(Value::new(Obj::Tree(Rc::new(tree(&args[0])?.without_edits()))));
     "tree-world?" [1] => |args: &[Value]| Ok(Value::bool(tree(&args[0])?.world.is_some()));
     "edit-path" [1] => |args: &[Value]| Ok(Value::new(Obj::Path(Box::new(an_edit(&args[0])?.at.clone()))));
@@ -109,6 +114,54 @@ fn edit_tree(_: &mut Ctx<'_>, args: &[Value]) -> Result<Next, Raise> {
     let origin = find(&keywords(&args[2..], &["origin"])?, "origin").map(text_or_symbol).transpose()?;
     let origin = origin.unwrap_or_default();
     Ok(Next::EditTree { tree: args[0].clone(), edits: args[1].clone(), origin })
+}
+
+/// `(call-with-edits tree plan argument …)`: in this run. Without a tree it is an ordinary call.
+fn call_with_edits(ctx: &mut Ctx<'_>, args: &[Value]) -> Result<Next, Raise> {
+    let plan = args[1].clone();
+    let name = plan_name(ctx, &plan)?;
+    let graft = match args[0].is_nil() {
+        true => Graft::empty(name),
+        false => Graft::of_tree(ctx.program, tree(&args[0])?).map_err(|why| range_error(why, &args[0]))?,
+    };
+    let of = graft.places[graft::CALL].step.name;
+    if of != name {
+        return Err(range_error(format!("the tree is one of `{of}`, not of `{name}`"), &args[0]));
+    }
+    Ok(Next::WithEdits { plan, args: Some(args[2..].to_vec()), graft: Rc::new(graft) })
+}
+
+fn plan_name(ctx: &Ctx<'_>, plan: &Value) -> Result<Symbol, Raise> {
+    match plan {
+        Value::Imm(Imm::Function(function)) => {
+            Ok(ctx.program.functions.get(function.at()).map(|it| it.name).unwrap_or_default())
+        }
+        _ => Err(type_error("a plan", plan)),
+    }
+}
+
+/// What the compiler makes of `def-variant`: a plan, places, rounds between places, edits.
+fn call_variant(ctx: &mut Ctx<'_>, args: &[Value]) -> Result<Next, Raise> {
+    let parts = vm::native::list(&args[0])?;
+    let [plan, places, between, edits] = parts.as_slice() else {
+        return Err(type_error("a variant", &args[0]));
+    };
+    let name = plan_name(ctx, plan)?;
+    let graft = Graft::read(name, places, between, edits)
+        .map_err(|why| Box::new(Failure::new(Builtin::ProgramError, why)))?;
+    Ok(Next::WithEdits { plan: plan.clone(), args: None, graft: Rc::new(graft) })
+}
+
+/// `(variant-text tree name doc)`
+fn variant_text(ctx: &mut Ctx<'_>, args: &[Value]) -> Result<Next, Raise> {
+    let graft = Graft::of_tree(ctx.program, tree(&args[0])?).map_err(|why| range_error(why, &args[0]))?;
+    let name = args[1].as_symbol().ok_or_else(|| type_error("a symbol", &args[1]))?;
+    let doc = match args.get(2).filter(|doc| !doc.is_nil()) {
+        Some(doc) => vm::native::str(doc)?.to_string(),
+        None => graft.doc(),
+    };
+    let text = graft.text(ctx.program, name, &doc, &*ctx.reader());
+    Ok(Value::str(ctx.lay_out(text)).into())
 }
 
 // ---------------------------------------------------------------------------------------------

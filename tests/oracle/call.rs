@@ -189,6 +189,7 @@ impl<'p> Oracle<'_, 'p> {
                 | Next::PushTree(_)
                 | Next::PopScope,
             ) => Err(Exit::GiveUp("the oracle has no rules".into())),
+            Ok(Next::WithEdits { .. }) => Err(Exit::GiveUp("the oracle has no grafts".into())),
         }
     }
 

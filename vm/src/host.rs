@@ -89,6 +89,11 @@ pub trait Host {
         Rc::new(|text| Value::str(text))
     }
 
+    /// Lays the text of a program out as people like to read it.
+    fn lay_out(&self, text: String) -> String {
+        text
+    }
+
     /// So much time of the task clock is about to pass while all tasks wait, in nanoseconds. Against the
     /// clock on the wall this takes that long. False if the run is to stop before.
     fn pass(&mut self, _ns: u64) -> bool {

@@ -26,6 +26,7 @@ pub mod op;
 pub mod verify;
 
 pub mod edit;
+pub mod graft;
 pub mod key;
 pub mod path;
 pub mod persist;

@@ -107,6 +107,15 @@ pub enum Next {
         /// It is a rehearsal: it prints nothing, changes nothing outside, and motions are projected.
         projected: bool,
     },
+    /// Call a plan, in this run, with the edits of a graft below the call.
+    WithEdits {
+        /// The plan.
+        plan: Value,
+        /// Its arguments; without any, those of the plan that calls.
+        args: Option<Vec<Value>>,
+        /// The edits.
+        graft: std::rc::Rc<crate::graft::Graft>,
+    },
     /// Compile the code of edits, then add them to a tree; the call has the new tree as its value.
     EditTree {
         /// A tree.

@@ -757,6 +757,14 @@ impl Tree {
         id
     }
 
+    /// Slots and edits have been added to a tree that runs: there may be more below a slot than its cursor has seen, and
+    /// the edits hold in this run.
+    pub(crate) fn grafted(&mut self) {
+        self.changes += 1;
+        self.fresh_from = self.slots.len as u32;
+        self.applied = self.edits.len() as u32;
+    }
+
     // ------------------------------------------------------------------ looking
 
     /// A slot.
@@ -829,7 +837,8 @@ impl Tree {
         let it = self.slots.get(slot.0);
         if it.run == self.run { it.since.0 } else { 0 }
     }
-    fn all_children(&self, slot: SlotId) -> impl Iterator<Item = SlotId> {
+    /// The children of a slot, also those that this run has not reached, in the order of their making.
+    pub(crate) fn all_children(&self, slot: SlotId) -> impl Iterator<Item = SlotId> {
         let mut next = self.slots.get(slot.0).first;
         std::iter::from_fn(move || {
             let at = next;

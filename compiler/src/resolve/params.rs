@@ -26,6 +26,12 @@ impl ParamForms {
         let params = Params { names: names.to_vec(), required: names.len() as u8, ..Params::default() };
         ParamForms { params, items: names.iter().map(|_| (span, None, None)).collect() }
     }
+
+    /// The same parameters for a body that hands them on as they were given.
+    pub(crate) fn without_defaults(&self) -> ParamForms {
+        let items = self.items.iter().map(|(span, ..)| (*span, None, None)).collect();
+        ParamForms { params: self.params.clone(), items }
+    }
 }
 
 /// Parameters of one function; more would not fit its registers with what it computes.

@@ -142,6 +142,8 @@ specials! {
         "Defines a function." => not_at_top;
     "def-plan" "(def-plan name (params…) \"doc\" body…)"
         "Defines a plan: a function whose calls are tasks of the tree." => not_at_top;
+    "def-variant" "(def-variant name (:of plan) \"doc\" (places place…) (between n path…)… edit…)"
+        "Defines a plan with the parameters of another one that calls that with edits." => not_at_top;
     "def-const" "(def-const name value \"doc\")"
         "Defines a constant, computed once." => not_at_top;
     "def-macro" "(def-macro name (params…) \"doc\" body…)"

@@ -578,8 +578,10 @@ impl Writer {
         (self.slots, self.records) = (last_slot, last);
         self.rows = (0, (last + last_slot).saturating_sub(from));
         self.write_chunks(program, tree, records, slots)?;
-        if self.edits == 0 && !tree.edits.is_empty() {
-            for edit in persist::edits(program, tree) {
+        // Some come while the tree runs: a call with the edits of another tree.
+        if (self.edits as usize) < tree.edits.len() {
+            let known = self.edits as usize;
+            for edit in persist::edits(program, tree).into_iter().skip(known) {
                 self.edits += 1;
                 self.write_edit(i64::from(edit.number), &made_by(&edit, "base"), None)?;
             }

@@ -488,6 +488,7 @@ impl Machine {
                 let order = super::drive::Order { plan, args, tree, seed, projected };
                 self.run_plan(host, d, order)
             }
+            Next::WithEdits { plan, args, graft } => self.call_with_edits(host, d, site, &plan, args, &graft),
             Next::EditTree { tree, edits, origin } => {
                 let tree = self.edit_tree(host, &tree, &edits, &origin)?;
                 self.put(d, tree)

@@ -371,7 +371,7 @@ impl Machine {
             run.tree.record_mut(call.rec).flags |= COUNTED;
         }
         if !notes.is_empty() {
-            run.tree.extra_mut(call.rec).notes = notes;
+            run.tree.extra_mut(call.rec).notes.extend(notes);
         }
     }
 

@@ -191,18 +191,8 @@ impl Machine {
         };
         self.check_value(tree, slot, edit)?;
         let plan = self.plan_at(tree, slot)?;
-        let code = match &edit.what {
-            What::Replace(code) | What::Wrap(code) => Some((code, true)),
-            What::Before(code) | What::After(code) | What::Owe { code, .. } => Some((code, false)),
-            What::Skip(_) | What::WithParam(..) | What::Defer(_) => None,
-        };
-        let code = match code {
-            Some((form, original)) => {
-                let home = self.home_of(edit).unwrap_or(plan);
-                Some(host.compile(&mut self.program, CodeRequest { form, plan, home, original })?)
-            }
-            None => None,
-        };
+        let home = self.home_of(edit).unwrap_or(plan);
+        let code = self.compile_code(host, edit, plan, home)?;
         let is_action = self.program.ground == Some(plan);
         let (callee, plan) = (tree.slot(slot).name, (!is_action).then_some(plan));
         let between = after
@@ -217,7 +207,7 @@ impl Machine {
 
     /// The function in whose module the code of an edit means what its words mean: that which defines the transformation
     /// that made it, else the one that is running, for there it was written, mostly.
-    fn home_of(&mut self, edit: &Edit) -> Option<FnId> {
+    pub(super) fn home_of(&mut self, edit: &Edit) -> Option<FnId> {
         let maker = edit.by.and_then(|by| {
             let name = format!("%{by}-transformation");
             self.program.functions.iter().rposition(|it| it.name == name.as_str())
@@ -229,8 +219,24 @@ impl Machine {
         self.program.function_at(at)
     }
 
+    /// The code of an edit of a call of `plan`, if it has some.
+    pub(super) fn compile_code(
+        &mut self,
+        host: &mut dyn Host,
+        edit: &Edit,
+        plan: FnId,
+        home: FnId,
+    ) -> Result<Option<FnId>, String> {
+        let (form, original) = match &edit.what {
+            What::Replace(code) | What::Wrap(code) => (code, true),
+            What::Before(code) | What::After(code) | What::Owe { code, .. } => (code, false),
+            What::Skip(_) | What::WithParam(..) | What::Defer(_) => return Ok(None),
+        };
+        host.compile(&mut self.program, CodeRequest { form, plan, home, original }).map(Some)
+    }
+
     /// A call whose value is used can be left out only with another value in its place.
-    fn check_value(&self, tree: &Tree, slot: SlotId, edit: &Edit) -> Result<(), String> {
+    pub(super) fn check_value(&self, tree: &Tree, slot: SlotId, edit: &Edit) -> Result<(), String> {
         let used = self.program.sites[tree.slot(slot).key.site.at()].value_used;
         let path = || Path::of(tree, slot).show();
         match &edit.what {
@@ -242,26 +248,37 @@ impl Machine {
             }
             What::WithParam(key, _) => {
                 let Some(rec) = tree.shown(slot) else { return Ok(()) };
-                let params = match tree.record(rec).kind {
-                    NodeKind::Action => return Ok(()),
-                    _ => &self.program.functions[self.plan_at(tree, slot)?.at()].params,
-                };
-                let known: Vec<Symbol> = params.given_names().collect();
-                if known.contains(key) {
-                    return Ok(());
+                match tree.record(rec).kind {
+                    NodeKind::Action => Ok(()),
+                    _ => self.check_param(tree, slot, self.plan_at(tree, slot)?, *key),
                 }
-                let known: Vec<&str> = known.iter().map(|name| name.as_str()).collect();
-                Err(match known.is_empty() {
-                    true => format!("{} has no parameter `{key}`, and no other that has a name", path()),
-                    false => format!("{} has no parameter `{key}`, only {}", path(), known.join(", ")),
-                })
             }
             _ => Ok(()),
         }
     }
 
+    /// Edits change parameters that the plan has.
+    pub(super) fn check_param(
+        &self,
+        tree: &Tree,
+        slot: SlotId,
+        plan: FnId,
+        key: Symbol,
+    ) -> Result<(), String> {
+        let known: Vec<Symbol> = self.program.functions[plan.at()].params.given_names().collect();
+        if known.contains(&key) {
+            return Ok(());
+        }
+        let path = Path::of(tree, slot).show();
+        let known: Vec<&str> = known.iter().map(|name| name.as_str()).collect();
+        Err(match known.is_empty() {
+            true => format!("{path} has no parameter `{key}`, and no other that has a name"),
+            false => format!("{path} has no parameter `{key}`, only {}", known.join(", ")),
+        })
+    }
+
     /// The plan that was called at a slot.
-    fn plan_at(&self, tree: &Tree, slot: SlotId) -> Result<FnId, String> {
+    pub(super) fn plan_at(&self, tree: &Tree, slot: SlotId) -> Result<FnId, String> {
         if let Some(plan) = self.program.sites[tree.slot(slot).key.site.at()].callee {
             return Ok(plan);
         }
@@ -299,7 +316,7 @@ fn find_all(tree: &Tree, slot: SlotId, paths: &[Path], own: bool) -> Result<Vec<
 
 /// True if an edit closes a circle of calls each of which is deferred after one other. (A call that
 /// waits for the last of several is deferred only while one of them is still to come.)
-fn waits_for_itself(tree: &Tree, slot: SlotId, edit: &Accepted) -> bool {
+pub(super) fn waits_for_itself(tree: &Tree, slot: SlotId, edit: &Accepted) -> bool {
     let deferred_after = |edit: &Accepted| match (&edit.edit.what, edit.after.as_slice()) {
         (What::Defer(_), [after]) => Some(*after),
         _ => None,
@@ -312,7 +329,7 @@ fn waits_for_itself(tree: &Tree, slot: SlotId, edit: &Accepted) -> bool {
 }
 
 /// True if `slot` is `of` or below it.
-fn is_within(tree: &Tree, slot: SlotId, of: SlotId) -> bool {
+pub(super) fn is_within(tree: &Tree, slot: SlotId, of: SlotId) -> bool {
     std::iter::successors(Some(slot), |at| Some(tree.slot(*at).parent).filter(|up| up.0 != 0))
         .any(|at| at == of)
 }

@@ -24,6 +24,7 @@ mod edits;
 mod explain;
 mod fluent;
 mod fork;
+mod graft;
 mod hot;
 mod obligation;
 mod solve;
@@ -771,6 +772,16 @@ impl<'a> Ctx<'a> {
     #[must_use]
     pub fn text(&self, value: &Value, readable: bool) -> String {
         crate::print::Printer::new(Some(self.program), readable, crate::print::LIMIT).text(value)
+    }
+    /// How texts that `write` has printed become values again.
+    #[must_use]
+    pub fn reader(&self) -> Rc<dyn Fn(&str) -> Value> {
+        self.parts.host.reader()
+    }
+    /// The text of a program as people like to read it.
+    #[must_use]
+    pub fn lay_out(&self, text: String) -> String {
+        self.parts.host.lay_out(text)
     }
     /// The tree of the run so far.
     #[must_use]
