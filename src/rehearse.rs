@@ -9,10 +9,13 @@ use std::rc::Rc;
 use compiler::Report;
 use serde_json::{Map as JsonMap, Value as Json, json};
 use vm::code::{FnId, SiteId};
+use vm::graft::Graft;
 use vm::machine::Progress;
 use vm::persist::SavedTree;
+use vm::tree::Tree;
 use vm::value::{Imm, Obj, Symbol, Value};
 
+use crate::inline::Inlined;
 use crate::session::{Ended, Output, Session};
 
 /// What rehearses a plan of another module.
@@ -49,6 +52,10 @@ pub struct Rehearsal {
     pub nodes: Json,
     /// What was proposed, and what became of it: `steps`, `before`, `after`, `seeds`, `why`.
     pub report: Json,
+    /// The edits as the text of a variant of the plan, or why they cannot be written down.
+    pub variant: Result<String, String>,
+    /// The plan written out with the edits worked in, or why that cannot be done.
+    pub inlined: Result<Inlined, String>,
 }
 
 /// Why there is no rehearsal.
@@ -103,11 +110,23 @@ impl Session {
         let tree = value.as_map().and_then(|map| map.get(&Value::keyword("tree"))).and_then(Value::as_tree);
         let tree = tree.ok_or_else(|| String::from("the rehearsal gave no tree"))?;
         let program = &self.machine.program;
+        let better = format!("{plan}/better");
         Ok(Rehearsal {
+            variant: self.variant(tree, &better),
+            inlined: self.inline(tree, &better),
             tree: vm::persist::tree(program, tree),
             nodes: vm::show::json(program, tree),
             report: self.as_json(&value),
         })
+    }
+
+    /// The edits of a tree as the text of a variant of its plan.
+    fn variant(&self, tree: &Tree, name: &str) -> Result<String, String> {
+        let graft = Graft::of_tree(&self.machine.program, tree)?;
+        let reader = crate::read::Reader::default();
+        let text =
+            graft.text(&self.machine.program, Symbol::from(name), &graft.doc(), &|text| reader.value(text));
+        Ok(grammar::format(&text).unwrap_or(text))
     }
 
     /// The transformations in the order in which they are tried: what the function `transformations` gives.

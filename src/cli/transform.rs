@@ -25,6 +25,7 @@ Examples:
   pleach transform kitchen.plan --only both-hands --plan set-table --arg \"'(cup plate)\"
   pleach transform kitchen.plan --rules my-rules      with all transformations in the files of a folder
   pleach transform kitchen.plan --list                the transformations, in the order in which they are tried
+  pleach transform kitchen.plan --emit better.plan    the better plan as text; with --inline written out
   pleach transform runs.store kitchen --save          the plan of a stored run, with the edits that its tree has by now
   pleach run kitchen.plan --rehearse                  the same, and then run the better plan
 
@@ -55,6 +56,12 @@ pub struct Transform {
     args: Vec<String>,
     #[command(flatten)]
     rehearsing: Rehearsing,
+    /// Write the plan file into another one, with the better plan as a variant `PLAN/better`
+    #[arg(long, value_name = "OUT.plan")]
+    emit: Option<PathBuf>,
+    /// With --emit: write the plan out with the edits worked in, where that can be done, and say where it cannot
+    #[arg(long, requires = "emit")]
+    inline: bool,
     /// Only list the transformations
     #[arg(long)]
     list: bool,
@@ -220,6 +227,10 @@ pub fn run(it: &Transform) -> Answer {
         Some(version) => Some(save(&it.file, &version, &rehearsal)?),
         None => None,
     };
+    let emitted = match it.emit.as_deref().filter(|_| is_better) {
+        Some(out) => Some(emit(it, &job, &rehearsal, out)?),
+        None => None,
+    };
     if it.json {
         let mut json = rehearsal.report.clone();
         json["saved"] = json!(saved);
@@ -231,10 +242,44 @@ pub fn run(it: &Transform) -> Answer {
             term::say(&term::paint_tree(&super::tree::outline(&rehearsal.nodes), term::out_style()));
         }
     }
+    if let Some(said) = emitted {
+        term::complain(&said);
+    }
     if let Some(saved) = saved.filter(|_| !it.json) {
         term::say(&format!("saved as {}; `pleach run … --tree` goes on with it\n", safe(&saved)));
     }
     Ok(if is_better { 0 } else { FAILED })
+}
+
+/// Writes the text of the program with the better plan. What is to be said about it.
+fn emit(it: &Transform, job: &Job, rehearsal: &Rehearsal, out: &Path) -> Result<String, Trouble> {
+    let same = |a: &Path, b: &Path| a.canonicalize().is_ok_and(|a| b.canonicalize().is_ok_and(|b| a == b));
+    if same(out, &job.file) {
+        let what = format!("{} is the plan file itself, and is not overwritten", out.display());
+        return Err(Trouble::new(what, "choose another name after --emit"));
+    }
+    let text = std::fs::read_to_string(&job.file)
+        .map_err(|why| files::unreadable(&job.file, pleach::files::why(&why)))?;
+    let cannot = |why: &String| Trouble::from(format!("the better plan cannot be written down: {why}"));
+    let (better, notes) = match it.inline {
+        false => (rehearsal.variant.as_ref().map_err(cannot)?.clone(), Vec::new()),
+        true => {
+            let it = rehearsal.inlined.as_ref().map_err(cannot)?;
+            let left = it
+                .left
+                .iter()
+                .map(|(edit, why)| format!("not worked in: {}\n  {why}", super::tree::cut(edit, LONGEST)));
+            (it.text.clone(), left.chain(it.remarks.iter().cloned()).collect())
+        }
+    };
+    let whole = format!("{}\n\n{}\n", text.trim_end(), better.trim_end());
+    std::fs::write(out, whole).map_err(|error| {
+        Trouble::from(format!("cannot write {}: {}", out.display(), pleach::files::why(&error)))
+    })?;
+    let plan = job.plan.as_deref().unwrap_or("main");
+    let mut said: String = notes.iter().map(|note| format!("note: {}\n", safe(note))).collect();
+    said += &format!("written: pleach run {} --plan {plan}/better\n", out.display());
+    Ok(said)
 }
 
 /// The better plan as the next version of a tree, with what was decided.
