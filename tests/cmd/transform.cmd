@@ -83,15 +83,15 @@ error: the rehearsal failed
   × transformation-failure: there is no transformation nobody; there are: lazier lazy
   │ in top-level
   │ name: nobody
-     ╭─[library/transformation.plan:117:7]
- 116 │         (unless (member name names)
- 117 │ ╭─▶       (fail transformation-failure
- 118 │ │               :name name
- 119 │ │               :message (format "there is no transformation ~a; there are: ~a"
- 120 │ │                                name
- 121 │ ├─▶                              (string-join (map symbol->string names) " "))))
+     ╭─[library/transformation.plan:116:7]
+ 115 │         (unless (member name names)
+ 116 │ ╭─▶       (fail transformation-failure
+ 117 │ │               :name name
+ 118 │ │               :message (format "there is no transformation ~a; there are: ~a"
+ 119 │ │                                name
+ 120 │ ├─▶                              (string-join (map symbol->string names) " "))))
      · ╰──── failed here
- 122 │         name))
+ 121 │         name))
      ╰────
 --- exit 2
 $ pleach transform day.plan --list
@@ -138,6 +138,52 @@ $ pleach run day.plan --rehearse --log day.log -q; pleach replay day.log -q
 done
 done
 --- exit 0
+$ pleach transform day.plan --emit better.plan -q; tail -6 better.plan; pleach run better.plan --plan main/better
+rehearsed under 5 seeds: 11.0 s → 1.0 s, 91 % less
+  lazy             accepted (projected), 11.0 s → 6.0 s
+      (skip (path main nap) :by 'lazy)
+  lazy             accepted (projected), 6.0 s → 1.0 s
+      (skip (path main (nap :call 2)) :by 'lazy)
+1 refused, --why says why
+
+(def-variant main/better (:of main)
+  "`main` with the edits of lazy."
+  (places (main (nap) (nap :call 2 :nth 2)))
+  (skip (path main nap) :by 'lazy)
+  (skip (path main (nap :call 2)) :by 'lazy))
+done
+--- stderr
+written: pleach run better.plan --plan main/better
+top-level  succeeded  [0 – 1 s]
+└─ main/better  succeeded  [0 – 1 s]
+   └─ main  succeeded  [0 – 1 s]
+      ├─ nap  skipped (edit)
+      ├─ work a  succeeded → a  [0 – 1 s]
+      └─ nap  skipped (edit)
+--- exit 0
+$ pleach transform day.plan --emit written.plan --inline -q; tail -4 written.plan; pleach run written.plan --plan main/better
+rehearsed under 5 seeds: 11.0 s → 1.0 s, 91 % less
+  lazy             accepted (projected), 11.0 s → 6.0 s
+      (skip (path main nap) :by 'lazy)
+  lazy             accepted (projected), 6.0 s → 1.0 s
+      (skip (path main (nap :call 2)) :by 'lazy)
+1 refused, --why says why
+
+(def-plan main/better ()
+  (work 'a)
+  (print "done"))
+done
+--- stderr
+written: pleach run written.plan --plan main/better
+top-level  succeeded  [0 – 1 s]
+└─ main/better  succeeded  [0 – 1 s]
+   └─ work a  succeeded → a  [0 – 1 s]
+--- exit 0
+$ pleach transform day.plan --emit day.plan -q
+--- stderr
+error: day.plan is the plan file itself, and is not overwritten
+  help: choose another name after --emit
+--- exit 2
 $ pleach run day.plan --store t.store --tree day -q; pleach transform t.store day --save -q; pleach run day.plan --store t.store --tree day -q; mv day.plan gone; pleach transform t.store -q; mv gone day.plan; pleach tree t.store
 done
 rehearsed under 5 seeds: 11.0 s → 1.0 s, 91 % less
@@ -170,15 +216,15 @@ $ pleach transform circle.plan --list
   × transformation-failure: the priorities go in a circle: b before a before b
   │ in top-level
   │ name: b
-     ╭─[library/transformation.plan:181:10]
- 180 │            (let ((name (get (first left) :name)))
- 181 │ ╭─▶          (fail transformation-failure
- 182 │ │                  :name name
- 183 │ │                  :message (format "the priorities go in a circle: ~a"
- 184 │ │                                   (string-join (map symbol->string (%circle name before nil))
- 185 │ ├─▶                                              " before "))))))))
+     ╭─[library/transformation.plan:180:10]
+ 179 │            (let ((name (get (first left) :name)))
+ 180 │ ╭─▶          (fail transformation-failure
+ 181 │ │                  :name name
+ 182 │ │                  :message (format "the priorities go in a circle: ~a"
+ 183 │ │                                   (string-join (map symbol->string (%circle name before nil))
+ 184 │ ├─▶                                              " before "))))))))
      · ╰──── failed here
- 186 │     
+ 185 │     
      ╰────
 --- exit 2
 $ pleach transform fails.plan
@@ -226,11 +272,11 @@ $ pleach transform day.plan --plan nap --arg 1
 error: the rehearsal failed
   × arity-error: `nap` takes 0 arguments, got 1
   │ in top-level
-     ╭─[library/transformation.plan:425:3]
- 424 │ (def-fun %run (state tree seed)
- 425 │   (project (get state :plan) :args (get state :args) :tree tree :seed seed))
+     ╭─[library/transformation.plan:424:3]
+ 423 │ (def-fun %run (state tree seed)
+ 424 │   (project (get state :plan) :args (get state :args) :tree tree :seed seed))
      ·   ────────────────────────────────────┬────────────────────────────────────
      ·                                       ╰── failed here
- 426 │ 
+ 425 │ 
      ╰────
 --- exit 2
