@@ -83,15 +83,15 @@ error: the rehearsal failed
   × transformation-failure: there is no transformation nobody; there are: lazier lazy
   │ in top-level
   │ name: nobody
-     ╭─[library/transformation.plan:117:7]
- 116 │         (unless (member name names)
- 117 │ ╭─▶       (fail transformation-failure
- 118 │ │               :name name
- 119 │ │               :message (format "there is no transformation ~a; there are: ~a"
- 120 │ │                                name
- 121 │ ├─▶                              (string-join (map symbol->string names) " "))))
+     ╭─[library/transformation.plan:119:7]
+ 118 │         (unless (member name names)
+ 119 │ ╭─▶       (fail transformation-failure
+ 120 │ │               :name name
+ 121 │ │               :message (format "there is no transformation ~a; there are: ~a"
+ 122 │ │                                name
+ 123 │ ├─▶                              (string-join (map symbol->string names) " "))))
      · ╰──── failed here
- 122 │         name))
+ 124 │         name))
      ╰────
 --- exit 2
 $ pleach transform day.plan --list
@@ -170,15 +170,15 @@ $ pleach transform circle.plan --list
   × transformation-failure: the priorities go in a circle: b before a before b
   │ in top-level
   │ name: b
-     ╭─[library/transformation.plan:181:10]
- 180 │            (let ((name (get (first left) :name)))
- 181 │ ╭─▶          (fail transformation-failure
- 182 │ │                  :name name
- 183 │ │                  :message (format "the priorities go in a circle: ~a"
- 184 │ │                                   (string-join (map symbol->string (%circle name before nil))
- 185 │ ├─▶                                              " before "))))))))
+     ╭─[library/transformation.plan:183:10]
+ 182 │            (let ((name (get (first left) :name)))
+ 183 │ ╭─▶          (fail transformation-failure
+ 184 │ │                  :name name
+ 185 │ │                  :message (format "the priorities go in a circle: ~a"
+ 186 │ │                                   (string-join (map symbol->string (%circle name before nil))
+ 187 │ ├─▶                                              " before "))))))))
      · ╰──── failed here
- 186 │     
+ 188 │     
      ╰────
 --- exit 2
 $ pleach transform fails.plan
@@ -203,7 +203,7 @@ expand::failed
 expand::failed
 
   × the macro `transformation` failed: the transformation odd says :keep; it may
-  │ say :applicable :answers :rewrite :keeps :capacity :before (program-error)
+  │ say :applicable :answers :rewrite :keeps :capacity :before :out-of (program-error)
    ╭─[wrong.plan:3:1]
  2 │ (def-transformation lazy "Says too little." :applicable (task ?t))
  3 │ (def-transformation odd "Says too much." :applicable (task ?t) :rewrite nil :keep ((task ?t)))
@@ -226,11 +226,11 @@ $ pleach transform day.plan --plan nap --arg 1
 error: the rehearsal failed
   × arity-error: `nap` takes 0 arguments, got 1
   │ in top-level
-     ╭─[library/transformation.plan:425:3]
- 424 │ (def-fun %run (state tree seed)
- 425 │   (project (get state :plan) :args (get state :args) :tree tree :seed seed))
+     ╭─[library/transformation.plan:427:3]
+ 426 │ (def-fun %run (state tree seed)
+ 427 │   (project (get state :plan) :args (get state :args) :tree tree :seed seed))
      ·   ────────────────────────────────────┬────────────────────────────────────
      ·                                       ╰── failed here
- 426 │ 
+ 428 │ 
      ╰────
 --- exit 2

@@ -7,7 +7,7 @@
 use crate::dice::Dice;
 
 /// Calls are put off out of whatever stands around them.
-const GUARDS: &str = ":out-of '(clean-up with-timeout with-policy)";
+const GUARDS: &str = ":out-of '(clean-up with-timeout with-policy with-task-suspended)";
 
 /// What comes after [`HEAD`]: plans, and `main`. It may read the file `path`.
 #[must_use]
