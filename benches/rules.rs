@@ -434,6 +434,7 @@ impl Synthetic {
             what: What::Skip(None),
             guard: Vec::new(),
             by: None,
+            out_of: Vec::new(),
         };
         let accepted = Accepted {
             origin: "".into(),

@@ -89,9 +89,13 @@ fn edit(value: BoxedStrategy<Value>) -> impl Strategy<Value = Value> {
         }),
     ];
     let guard = prop::collection::btree_map(name(), value, 0..3);
-    (path(), what, guard).prop_map(|(at, what, guard): (Path, What, BTreeMap<String, Value>)| {
+    let out_of = prop::collection::vec(symbol(), 0..3);
+    let parts = (path(), what, guard, out_of);
+    parts.prop_map(|(at, what, guard, names): (Path, What, BTreeMap<String, Value>, Vec<String>)| {
+        let moves = matches!(what, What::Defer(_) | What::Owe { .. });
+        let out_of = names.iter().filter(|_| moves).map(|name| Symbol::from(name)).collect();
         let guard = guard.into_iter().map(|(key, value)| (Symbol::from(&key), value)).collect();
-        Value::new(Obj::Edit(Box::new(Edit { at, what, guard, by: None })))
+        Value::new(Obj::Edit(Box::new(Edit { at, what, guard, by: None, out_of })))
     })
 }
 

@@ -162,8 +162,8 @@ pub enum ExprKind {
     Raise(Box<Expr>),
     /// `(make-failure type :field v …)`
     MakeFailure(TypeId, Vec<(Symbol, Expr)>),
-    /// `(unwind-protect body cleanup…)`
-    Protect(Box<Expr>, Vec<Expr>),
+    /// `(unwind-protect body cleanup…)`, and the name of the form that it is a part of.
+    Protect(Box<Expr>, Vec<Expr>, Symbol),
     /// The counter of `(with-retry-counters ((n 3)) …)`.
     Counter(Box<Expr>),
     /// The test of `(do-retry n …)`: one less, unless there are none.

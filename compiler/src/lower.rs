@@ -398,7 +398,9 @@ impl<'p> Lower<'p> {
                 let register = self.operand(failure);
                 self.emit(Op::Raise(register));
             }
-            ExprKind::Protect(body, cleanup) => self.step(|it| it.protect(body, cleanup, dst, used)),
+            ExprKind::Protect(body, cleanup, name) => {
+                self.step(|it| it.protect(body, cleanup, *name, dst, used));
+            }
             ExprKind::Counter(count) => {
                 let register = self.operand(count);
                 self.emit(Op::Counter(dst, register));

@@ -27,6 +27,7 @@ natives! {
     "edit-kind" [1] => |args: &[Value]| Ok(Value::symbol(an_edit(&args[0])?.word()));
     "edit-by" [1] => |args: &[Value]| Ok(an_edit(&args[0])?.by.map_or(Value::NIL, |by| Value::Imm(Imm::Symbol(by))));
     "edit-made-by" [2] => made_by;
+    "edit-out-of" [2] => out_of;
     "tree?" [1] => |args: &[Value]| Ok(Value::bool(args[0].as_tree().is_some()));
     "path?" [1] => |args: &[Value]| Ok(Value::bool(args[0].as_path().is_some()));
     "make-path" [1] => make_path;
@@ -367,7 +368,14 @@ fn edit(at: &Value, what: What, pairs: &[(Symbol, &Value)]) -> Result<Value, Rai
         None => None,
         Some(by) => Some(by.as_symbol().ok_or_else(|| type_error("a symbol", by))?),
     };
-    Ok(Value::new(Obj::Edit(Box::new(Edit { at: path(at)?.clone(), what, guard, by }))))
+    let out_of = find(pairs, "out-of").map(names).transpose()?.unwrap_or_default();
+    Ok(Value::new(Obj::Edit(Box::new(Edit { at: path(at)?.clone(), what, guard, by, out_of }))))
+}
+
+/// A list of symbols.
+fn names(value: &Value) -> Result<Vec<Symbol>, Raise> {
+    let name = |it: &Value| it.as_symbol().ok_or_else(|| type_error("a symbol", it));
+    vm::native::list(value)?.iter().map(name).collect()
 }
 
 fn an_edit(value: &Value) -> Result<&Edit, Raise> {
@@ -381,6 +389,19 @@ fn an_edit(value: &Value) -> Result<&Edit, Raise> {
 fn made_by(args: &[Value]) -> Result<Value, Raise> {
     let by = args[1].as_symbol().ok_or_else(|| type_error("a symbol", &args[1]))?;
     Ok(Value::new(Obj::Edit(Box::new(Edit { by: Some(by), ..an_edit(&args[0])?.clone() }))))
+}
+
+/// `(edit-out-of edit names)`: the edit as one that may move work out of these, too.
+fn out_of(args: &[Value]) -> Result<Value, Raise> {
+    let mut edit = an_edit(&args[0])?.clone();
+    if matches!(edit.what, What::Defer(_) | What::Owe { .. }) {
+        for name in names(&args[1])? {
+            if !edit.out_of.contains(&name) {
+                edit.out_of.push(name);
+            }
+        }
+    }
+    Ok(Value::new(Obj::Edit(Box::new(edit))))
 }
 
 fn skip(args: &[Value]) -> Result<Value, Raise> {
@@ -415,13 +436,13 @@ fn required<'a>(pairs: &[(Symbol, &'a Value)], key: &str, of: &Value) -> Result<
 }
 
 fn defer(args: &[Value]) -> Result<Value, Raise> {
-    let pairs = keywords(&args[1..], &["after", "guard", "by"])?;
+    let pairs = keywords(&args[1..], &["after", "out-of", "guard", "by"])?;
     let after = paths(required(&pairs, "after", &args[0])?)?;
     edit(&args[0], What::Defer(after), &pairs)
 }
 
 fn owe(args: &[Value]) -> Result<Value, Raise> {
-    let pairs = keywords(&args[2..], &["after", "as", "guard", "by"])?;
+    let pairs = keywords(&args[2..], &["after", "as", "out-of", "guard", "by"])?;
     let after = paths(required(&pairs, "after", &args[0])?)?;
     let name = required(&pairs, "as", &args[0])?;
     let name = name.as_symbol().ok_or_else(|| type_error("a symbol", name))?;

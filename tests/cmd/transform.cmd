@@ -83,15 +83,15 @@ error: the rehearsal failed
   × transformation-failure: there is no transformation nobody; there are: lazier lazy
   │ in top-level
   │ name: nobody
-     ╭─[library/transformation.plan:116:7]
- 115 │         (unless (member name names)
- 116 │ ╭─▶       (fail transformation-failure
- 117 │ │               :name name
- 118 │ │               :message (format "there is no transformation ~a; there are: ~a"
- 119 │ │                                name
- 120 │ ├─▶                              (string-join (map symbol->string names) " "))))
+     ╭─[library/transformation.plan:119:7]
+ 118 │         (unless (member name names)
+ 119 │ ╭─▶       (fail transformation-failure
+ 120 │ │               :name name
+ 121 │ │               :message (format "there is no transformation ~a; there are: ~a"
+ 122 │ │                                name
+ 123 │ ├─▶                              (string-join (map symbol->string names) " "))))
      · ╰──── failed here
- 121 │         name))
+ 124 │         name))
      ╰────
 --- exit 2
 $ pleach transform day.plan --list
@@ -216,15 +216,15 @@ $ pleach transform circle.plan --list
   × transformation-failure: the priorities go in a circle: b before a before b
   │ in top-level
   │ name: b
-     ╭─[library/transformation.plan:180:10]
- 179 │            (let ((name (get (first left) :name)))
- 180 │ ╭─▶          (fail transformation-failure
- 181 │ │                  :name name
- 182 │ │                  :message (format "the priorities go in a circle: ~a"
- 183 │ │                                   (string-join (map symbol->string (%circle name before nil))
- 184 │ ├─▶                                              " before "))))))))
+     ╭─[library/transformation.plan:183:10]
+ 182 │            (let ((name (get (first left) :name)))
+ 183 │ ╭─▶          (fail transformation-failure
+ 184 │ │                  :name name
+ 185 │ │                  :message (format "the priorities go in a circle: ~a"
+ 186 │ │                                   (string-join (map symbol->string (%circle name before nil))
+ 187 │ ├─▶                                              " before "))))))))
      · ╰──── failed here
- 185 │     
+ 188 │     
      ╰────
 --- exit 2
 $ pleach transform fails.plan
@@ -249,7 +249,7 @@ expand::failed
 expand::failed
 
   × the macro `transformation` failed: the transformation odd says :keep; it may
-  │ say :applicable :answers :rewrite :keeps :capacity :before (program-error)
+  │ say :applicable :answers :rewrite :keeps :capacity :before :out-of (program-error)
    ╭─[wrong.plan:3:1]
  2 │ (def-transformation lazy "Says too little." :applicable (task ?t))
  3 │ (def-transformation odd "Says too much." :applicable (task ?t) :rewrite nil :keep ((task ?t)))
@@ -272,11 +272,11 @@ $ pleach transform day.plan --plan nap --arg 1
 error: the rehearsal failed
   × arity-error: `nap` takes 0 arguments, got 1
   │ in top-level
-     ╭─[library/transformation.plan:424:3]
- 423 │ (def-fun %run (state tree seed)
- 424 │   (project (get state :plan) :args (get state :args) :tree tree :seed seed))
+     ╭─[library/transformation.plan:427:3]
+ 426 │ (def-fun %run (state tree seed)
+ 427 │   (project (get state :plan) :args (get state :args) :tree tree :seed seed))
      ·   ────────────────────────────────────┬────────────────────────────────────
      ·                                       ╰── failed here
- 425 │ 
+ 428 │ 
      ╰────
 --- exit 2

@@ -6,6 +6,9 @@
 
 use crate::dice::Dice;
 
+/// Calls are put off out of whatever stands around them.
+const GUARDS: &str = ":out-of '(clean-up with-timeout with-policy with-task-suspended)";
+
 /// What comes after [`HEAD`]: plans, and `main`. It may read the file `path`.
 #[must_use]
 pub fn random_program(seed: u64, path: &str) -> String {
@@ -132,8 +135,10 @@ impl Generator {
             3 => format!("(wrap {at} '{around})"),
             4 => format!("(replace {at} '{around})"),
             5 => format!("(replace {at} '{code})"),
-            6 | 7 => format!("(owe {at} '{code} :after (list {} {}) :as 'debt)", place(self), place(self)),
-            _ => format!("(defer {at} :after {})", place(self)),
+            6 | 7 => {
+                format!("(owe {at} '{code} :after (list {} {}) :as 'debt {GUARDS})", place(self), place(self))
+            }
+            _ => format!("(defer {at} :after {} {GUARDS})", place(self)),
         }
     }
 

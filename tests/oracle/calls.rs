@@ -95,7 +95,7 @@ impl Calls<'_> {
             ExprKind::Fail(_, fields) | ExprKind::MakeFailure(_, fields) | ExprKind::Desc(_, fields) => {
                 self.all(fields.iter().map(|(_, value)| value));
             }
-            ExprKind::Protect(body, cleanup) => {
+            ExprKind::Protect(body, cleanup, _) => {
                 self.expr(body, false);
                 self.all(cleanup);
             }

@@ -450,7 +450,7 @@ impl<'p> Oracle<'_, 'p> {
                     None => self.raise(here, type_error("a failure", &value)),
                 }
             }
-            ExprKind::Protect(body, cleanup) => self.protect(here, body, cleanup, usage.no_tail()),
+            ExprKind::Protect(body, cleanup, _) => self.protect(here, body, cleanup, usage.no_tail()),
             ExprKind::Counter(count) => {
                 let count = self.value(here, count)?;
                 match vm::native::index(&count) {

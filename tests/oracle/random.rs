@@ -5,6 +5,9 @@
 
 use crate::dice::Dice;
 
+/// Calls are put off out of whatever stands around them.
+const ANYWHERE: &str = " :out-of '(clean-up with-facts with-tree)";
+
 /// What a random program is made for.
 #[derive(Clone, Copy, PartialEq)]
 pub enum Focus {
@@ -217,13 +220,13 @@ impl Generator {
         if self.dice.chance(20) {
             let (code, name) = (self.edit_code(false), self.dice.pick(&["due", "debt"]));
             let after = format!("(list {} {} {})", one(self), one(self), one(self));
-            return format!("(owe {at} '{code} :after {after} :as '{name}{guard})");
+            return format!("(owe {at} '{code} :after {after} :as '{name}{guard}{ANYWHERE})");
         }
         let after = match self.dice.below(4) {
             0 => format!("(list {} {})", one(self), one(self)),
             _ => one(self),
         };
-        format!("(defer {at} :after {after}{guard})")
+        format!("(defer {at} :after {after}{guard}{ANYWHERE})")
     }
 
     fn edit_code(&mut self, original: bool) -> String {

@@ -84,7 +84,13 @@ fn add_edits(dice: &mut Dice, tasks: &mut [Task]) {
             Some(param) if dice.chance(20) => vec![param.clone()],
             _ => Vec::new(),
         };
-        let edit = Value::new(Obj::Edit(Box::new(Edit { at: paths[at].clone(), what, guard, by: None })));
+        let edit = Value::new(Obj::Edit(Box::new(Edit {
+            at: paths[at].clone(),
+            what,
+            guard,
+            by: None,
+            out_of: Vec::new(),
+        })));
         tasks[at].edits.push(edit.clone());
         tasks[at].pending.push(edit);
     }

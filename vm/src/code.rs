@@ -277,11 +277,15 @@ pub enum FormKind {
         cleanup: Pc,
         /// Register that takes the failure.
         pending: u8,
+        /// The form that it is a part of, such as `with-robot`; `clean-up` if it is none's.
+        name: Symbol,
     },
     /// The clean-up forms of `unwind-protect`.
     CleanUp {
         /// Register of the failure that waits until they have run, or nil.
         pending: u8,
+        /// As that of the body.
+        name: Symbol,
     },
 }
 

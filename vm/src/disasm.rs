@@ -28,10 +28,10 @@ pub fn function(program: &Program, id: FnId) -> String {
                 format!("guarded, handler {} r{failure}", handler.0 - it.entry.0)
             }
             FormKind::Clauses { failure } => format!("clauses r{failure}"),
-            FormKind::Protected { cleanup, pending } => {
+            FormKind::Protected { cleanup, pending, .. } => {
                 format!("protected, clean-up {} r{pending}", cleanup.0 - it.entry.0)
             }
-            FormKind::CleanUp { pending } => format!("clean-up r{pending}"),
+            FormKind::CleanUp { pending, .. } => format!("clean-up r{pending}"),
         };
         let _ = writeln!(
             out,

@@ -22,6 +22,8 @@ pub struct Edit {
     pub guard: Vec<(Symbol, Value)>,
     /// The transformation that made it.
     pub by: Option<Symbol>,
+    /// What `defer` and `owe` may move work out of: `with-timeout`, `clean-up` …
+    pub out_of: Vec<Symbol>,
 }
 
 /// What an edit does at the call of its slot.

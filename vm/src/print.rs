@@ -404,6 +404,10 @@ impl<'a> Printer<'a> {
         if let Some(by) = edit.by {
             self.option("by", &Value::Imm(Imm::Symbol(by)), depth);
         }
+        if !edit.out_of.is_empty() {
+            let names = edit.out_of.iter().map(|name| Value::Imm(Imm::Symbol(*name)));
+            self.option("out-of", &Value::list(names.collect::<Vec<_>>()), depth);
+        }
         self.put(")");
         self.readable = readable;
     }

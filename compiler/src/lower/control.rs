@@ -346,18 +346,25 @@ impl Lower<'_> {
         }
     }
 
-    pub(super) fn protect(&mut self, body: &Expr, cleanup: &[Expr], dst: u8, used: Use) {
+    pub(super) fn protect(
+        &mut self,
+        body: &Expr,
+        cleanup: &[Expr],
+        name: vm::value::Symbol,
+        dst: u8,
+        used: Use,
+    ) {
         self.guards = true;
         let pending = self.register();
         let start = self.label();
         self.protections.push(Protection { pending, cleanup: start, exits: Vec::new(), depths: Vec::new() });
-        self.open(FormKind::Protected { cleanup: Pc(start.0 as u32), pending });
+        self.open(FormKind::Protected { cleanup: Pc(start.0 as u32), pending, name });
         self.expr(body, dst, used);
         self.emit(Op::Nil(pending));
         self.close();
         let Some(protection) = self.protections.pop() else { return };
         self.bind(start);
-        self.open(FormKind::CleanUp { pending });
+        self.open(FormKind::CleanUp { pending, name });
         self.emit(Op::BeginCleanUp);
         for expr in cleanup {
             self.step(|it| {

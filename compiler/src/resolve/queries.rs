@@ -86,7 +86,7 @@ pub(super) fn with_facts(it: &mut Compiler<'_>, scope: &mut Scope, form: &Form, 
     let push = it.native_call("%push-facts", vec![Some(Expr::new(ExprKind::Var(var), span))], span);
     let pop = it.native_call("%pop-scope", Vec::new(), span);
     let body = Expr::seq(std::iter::once(push).chain(body).collect(), span);
-    let guarded = Expr::new(ExprKind::Protect(Box::new(body), vec![pop]), span);
+    let guarded = Expr::new(ExprKind::Protect(Box::new(body), vec![pop], Symbol::from("with-facts")), span);
     Expr::new(ExprKind::Let(vec![(var, list)], vec![guarded]), span)
 }
 

@@ -723,9 +723,16 @@ fn fields_of(it: &mut Compiler<'_>, scope: &mut Scope, form: &Form, args: &[Form
 
 fn protect(it: &mut Compiler<'_>, scope: &mut Scope, form: &Form, args: &[Form]) -> Expr {
     let Some((body, cleanup)) = args.split_first() else { return it.misshapen(form, "has no body") };
-    let body = it.expr(scope, body);
+    // `(:node name form…)` says of which form it is a part, as it does of a branch.
+    let (name, body) = match body.list() {
+        Some([word, name, body @ ..]) if super::tasks::is_keyword(word, "node") => {
+            (name.symbol(), Expr::seq(it.body(scope, body), form.span))
+        }
+        _ => (None, it.expr(scope, body)),
+    };
+    let name = name.unwrap_or_else(|| Symbol::from("clean-up"));
     let cleanup = it.body(scope, cleanup);
-    Expr::new(ExprKind::Protect(boxed(body), cleanup), form.span)
+    Expr::new(ExprKind::Protect(boxed(body), cleanup, name), form.span)
 }
 
 fn counters(it: &mut Compiler<'_>, scope: &mut Scope, form: &Form, args: &[Form]) -> Expr {

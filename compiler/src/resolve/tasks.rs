@@ -258,7 +258,7 @@ impl Compiler<'_> {
     }
 }
 
-fn is_keyword(form: &Form, word: &str) -> bool {
+pub(super) fn is_keyword(form: &Form, word: &str) -> bool {
     matches!(&form.kind, FormKind::Keyword(name) if name == word)
 }
 

@@ -13,6 +13,7 @@ use crate::tree::{NodeKind, ROOT, SlotId, Tree};
 use crate::value::{Obj, Symbol, Value};
 
 use super::Machine;
+use super::obligation::Guard;
 
 impl Machine {
     /// `(edit-tree tree edits :origin origin)`: all edits or none.
@@ -199,6 +200,7 @@ impl Machine {
             .iter()
             .filter_map(|q| Some((*q, super::obligation::between(&self.program, tree, slot, *q)?)));
         let between = between.collect();
+        self.check_guards(tree, slot, edit, &after)?;
         Ok((
             slot,
             Accepted { edit: Rc::new(edit.clone()), callee, plan, code, after, between, origin: "".into() },
@@ -233,6 +235,44 @@ impl Machine {
             What::Skip(_) | What::WithParam(..) | What::Defer(_) => return Ok(None),
         };
         host.compile(&mut self.program, CodeRequest { form, plan, home, original }).map(Some)
+    }
+
+    /// What is performed later is performed outside of clean-ups, time-outs and policies around its call. The edit must say
+    /// that it means that, for its own call and for those that wait for it.
+    fn check_guards(&self, tree: &Tree, slot: SlotId, edit: &Edit, after: &[SlotId]) -> Result<(), String> {
+        if after.is_empty() {
+            return Ok(());
+        }
+        let after = what_those_wait_for(tree, after);
+        let mut moved = vec![(slot, edit.out_of.clone())];
+        if let What::Defer(_) = edit.what {
+            moved.extend(those_that_wait_for(tree, slot));
+        }
+        for (p, said) in moved {
+            let mut guards: Vec<Guard> = Vec::new();
+            for q in after.iter().filter(|q| **q != p) {
+                guards.extend(super::obligation::guards(&self.program, tree, p, *q));
+            }
+            let is_said = |it: &&Guard| said.contains(&it.name) || edit.out_of.contains(&it.name);
+            let Some(guard) = guards.iter().find(|it| !is_said(it)) else { continue };
+            let mut names: Vec<&str> = Vec::new();
+            for guard in &guards {
+                if !names.contains(&guard.name.as_str()) {
+                    names.push(guard.name.as_str());
+                }
+            }
+            return Err(format!(
+                "{} would be performed outside of the {} around it in {}; if that may be, say {}",
+                Path::of(tree, p).show(),
+                guard.shown(),
+                guard.place,
+                match edit.by {
+                    Some(by) => format!("`:out-of ({})` in the transformation {by}", names.join(" ")),
+                    None => format!("`:out-of '({})`", names.join(" ")),
+                },
+            ));
+        }
+        Ok(())
     }
 
     /// A call whose value is used can be left out only with another value in its place.
@@ -312,6 +352,43 @@ fn find_all(tree: &Tree, slot: SlotId, paths: &[Path], own: bool) -> Result<Vec<
         }
     }
     Ok(slots)
+}
+
+/// These slots, and those that they are themselves deferred after: a call may move on to where they are performed.
+fn what_those_wait_for(tree: &Tree, slots: &[SlotId]) -> Vec<SlotId> {
+    let mut all = slots.to_vec();
+    let mut at = 0;
+    while let Some(slot) = all.get(at).copied() {
+        let edits = tree.edits_of(slot).iter().map(|id| &tree.edits[*id as usize - 1]);
+        for later in edits.filter(|it| matches!(it.edit.what, What::Defer(_))).flat_map(|it| &it.after) {
+            if !all.contains(later) {
+                all.push(*later);
+            }
+        }
+        at += 1;
+    }
+    all
+}
+
+/// The slots whose calls wait for that of a slot, or for one of those, and what their edits may move them out of.
+fn those_that_wait_for(tree: &Tree, slot: SlotId) -> Vec<(SlotId, Vec<Symbol>)> {
+    let mut all = vec![(slot, Vec::new())];
+    let mut at = 0;
+    while let Some((awaited, _)) = all.get(at) {
+        let awaited = *awaited;
+        at += 1;
+        if !tree.edits.iter().any(|it| it.after.contains(&awaited)) {
+            continue;
+        }
+        for other in tree.slots().filter(|it| !tree.edits_of(*it).is_empty()) {
+            let edits = tree.edits_of(other).iter().map(|id| &tree.edits[*id as usize - 1]);
+            let waiting: Vec<_> = edits.filter(|it| it.after.contains(&awaited)).collect();
+            if !waiting.is_empty() && all.iter().all(|(known, _)| *known != other) {
+                all.push((other, waiting.iter().flat_map(|it| it.edit.out_of.iter().copied()).collect()));
+            }
+        }
+    }
+    all.split_off(1)
 }
 
 /// True if an edit closes a circle of calls each of which is deferred after one other. (A call that

@@ -119,7 +119,7 @@ impl Machine {
                     self.top().pc = handler.0;
                     return Ok(None);
                 }
-                FormKind::Protected { cleanup, pending } => {
+                FormKind::Protected { cleanup, pending, .. } => {
                     *self.top().register(pending) = failure;
                     self.top().pc = cleanup.0;
                     return Ok(None);
@@ -133,7 +133,7 @@ impl Machine {
                         return Err(failure);
                     }
                 }
-                FormKind::CleanUp { pending } => {
+                FormKind::CleanUp { pending, .. } => {
                     self.top().cleanups.pop();
                     let waiting = self.reg(pending).clone();
                     if waiting.as_failure().is_some() && !is_same_event(&waiting, &failure) {

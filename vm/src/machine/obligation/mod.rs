@@ -8,9 +8,10 @@
 //! Nobody pays for this who owes nothing: while obligations are open, the loop asks before each
 //! instruction of a frame that holds one whether it has become due (see [`due`]).
 //!
-//! [`place`] says where, [`make`] puts obligations there, [`perform`] performs them. The rules are in
+//! [`place`] says where, [`guards`] what that is outside of, [`make`] puts obligations there, [`perform`] performs them. The rules are in
 //! `vm/OBLIGATIONS.md`; numbers in comments are theirs.
 
+mod guards;
 mod make;
 mod perform;
 mod place;
@@ -27,6 +28,7 @@ use super::drive::{Call, Driver};
 use super::task::TaskId;
 use super::{FnId, Here, Run};
 
+pub(super) use guards::{Guard, guards};
 pub(super) use place::between;
 
 /// Something that the run owes.
