@@ -83,15 +83,15 @@ error: the rehearsal failed
   × transformation-failure: there is no transformation nobody; there are: lazier lazy
   │ in top-level
   │ name: nobody
-     ╭─[library/transformation.plan:119:7]
- 118 │         (unless (member name names)
- 119 │ ╭─▶       (fail transformation-failure
- 120 │ │               :name name
- 121 │ │               :message (format "there is no transformation ~a; there are: ~a"
- 122 │ │                                name
- 123 │ ├─▶                              (string-join (map symbol->string names) " "))))
+     ╭─[library/transformation.plan:118:7]
+ 117 │         (unless (member name names)
+ 118 │ ╭─▶       (fail transformation-failure
+ 119 │ │               :name name
+ 120 │ │               :message (format "there is no transformation ~a; there are: ~a"
+ 121 │ │                                name
+ 122 │ ├─▶                              (string-join (map symbol->string names) " "))))
      · ╰──── failed here
- 124 │         name))
+ 123 │         name))
      ╰────
 --- exit 2
 $ pleach transform day.plan --list
@@ -216,15 +216,15 @@ $ pleach transform circle.plan --list
   × transformation-failure: the priorities go in a circle: b before a before b
   │ in top-level
   │ name: b
-     ╭─[library/transformation.plan:183:10]
- 182 │            (let ((name (get (first left) :name)))
- 183 │ ╭─▶          (fail transformation-failure
- 184 │ │                  :name name
- 185 │ │                  :message (format "the priorities go in a circle: ~a"
- 186 │ │                                   (string-join (map symbol->string (%circle name before nil))
- 187 │ ├─▶                                              " before "))))))))
+     ╭─[library/transformation.plan:182:10]
+ 181 │            (let ((name (get (first left) :name)))
+ 182 │ ╭─▶          (fail transformation-failure
+ 183 │ │                  :name name
+ 184 │ │                  :message (format "the priorities go in a circle: ~a"
+ 185 │ │                                   (string-join (map symbol->string (%circle name before nil))
+ 186 │ ├─▶                                              " before "))))))))
      · ╰──── failed here
- 188 │     
+ 187 │     
      ╰────
 --- exit 2
 $ pleach transform fails.plan
@@ -272,11 +272,11 @@ $ pleach transform day.plan --plan nap --arg 1
 error: the rehearsal failed
   × arity-error: `nap` takes 0 arguments, got 1
   │ in top-level
-     ╭─[library/transformation.plan:427:3]
- 426 │ (def-fun %run (state tree seed)
- 427 │   (project (get state :plan) :args (get state :args) :tree tree :seed seed))
+     ╭─[library/transformation.plan:426:3]
+ 425 │ (def-fun %run (state tree seed)
+ 426 │   (project (get state :plan) :args (get state :args) :tree tree :seed seed))
      ·   ────────────────────────────────────┬────────────────────────────────────
      ·                                       ╰── failed here
- 428 │ 
+ 427 │ 
      ╰────
 --- exit 2
