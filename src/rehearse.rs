@@ -198,7 +198,10 @@ impl Session {
     }
 
     /// Loads a file whose definitions take part, and which nobody has to name.
-    fn load_rules(&mut self, path: &Path, output: &mut dyn Output) -> Result<(), NoRehearsal> {
+    ///
+    /// # Errors
+    /// It cannot be read, has errors, or one of its forms failed.
+    pub fn load_rules(&mut self, path: &Path, output: &mut dyn Output) -> Result<(), NoRehearsal> {
         let module = self.module;
         let loaded = self.load_file(path)?;
         self.module = module;

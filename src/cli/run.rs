@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use compiler::{Loaded, Report};
-use pleach::rehearse::{Rehearsal, Wishes};
+use pleach::rehearse::{NoRehearsal, Rehearsal, Wishes};
 use pleach::session::Output;
 use pleach::{Ended, Session};
 use store::{Store, StoreError};
@@ -194,6 +194,9 @@ pub fn run(it: Run) -> Answer {
 pub fn perform(job: &Job, show: &Show, start: &Start<'_>) -> Answer {
     let mut session = session(job, start)?;
     let loaded = session.load_file(&job.file).map_err(|why| files::unreadable(&job.file, why))?;
+    if loaded.reports.iter().all(Report::is_warning) {
+        load_rules(&mut session, job)?;
+    }
     if let Some(recorded) = start.recorded {
         recorded.check_program(&session.files)?;
     }
@@ -206,11 +209,7 @@ pub fn perform(job: &Job, show: &Show, start: &Start<'_>) -> Answer {
     let rehearsal = match &job.rehearse {
         None => None,
         Some(wishes) => {
-            let mut session = self::session(job, start)?;
-            if !wishes.rules.is_empty() {
-                // What is kept with a run is its program, without these.
-                session.files.use_shelf(None);
-            }
+            let session = self::session(job, start)?;
             match super::transform::rehearse(session, job, show, wishes, base.as_ref())? {
                 Ok(rehearsal) => Some(rehearsal),
                 Err(code) => return Ok(code),
@@ -266,6 +265,20 @@ fn session(job: &Job, start: &Start<'_>) -> Result<Session, Trouble> {
     let mut session = Session::new(job.settings.options_of_replay(style)?);
     session.files.use_shelf(start.recorded.and_then(Recorded::texts));
     Ok(session)
+}
+
+/// Loads the files of `--rules`: the code of edits may call what they define.
+fn load_rules(session: &mut Session, job: &Job) -> Result<(), Trouble> {
+    for path in job.rehearse.iter().flat_map(|wishes| &wishes.rules) {
+        session.load_rules(path, &mut Silence).map_err(|why| match why {
+            NoRehearsal::Because(why) => Trouble::from(why),
+            _ => Trouble::new(
+                format!("the rules of {} cannot be loaded", path.display()),
+                format!("pleach check {} says what is wrong with them", path.display()),
+            ),
+        })?;
+    }
+    Ok(())
 }
 
 /// Makes the session go on with the tree that is meant, and opens the store for writing. Answers that tree, too.
@@ -366,6 +379,7 @@ fn again(
     let unanswered = session.machine.log.entries.get(log.entries.len()).map_or(0, |entry| entry.step);
     *session = self::session(job, start)?;
     let loaded = session.load_file(&job.file)?;
+    load_rules(session, job)?;
     if let Some(Recorded { at: At::Store(_, Some(base)), .. }) = start.recorded {
         let path = start.recorded.map(Recorded::path).unwrap_or(Path::new(""));
         take_up(session, &Store::read(path)?, *base, call)?;

@@ -277,6 +277,11 @@ fn emit(it: &Transform, job: &Job, rehearsal: &Rehearsal, out: &Path) -> Result<
         Trouble::from(format!("cannot write {}: {}", out.display(), pleach::files::why(&error)))
     })?;
     let plan = job.plan.as_deref().unwrap_or("main");
+    let more =
+        it.rehearsing.rules.iter().map(|rules| {
+            format!("its edits may need what {} defines: load that with (use …)", rules.display())
+        });
+    let notes: Vec<String> = notes.into_iter().chain(more).collect();
     let mut said: String = notes.iter().map(|note| format!("note: {}\n", safe(note))).collect();
     said += &format!("written: pleach run {} --plan {plan}/better\n", out.display());
     Ok(said)

@@ -26,6 +26,14 @@
   :applicable (task-name ?work work)
   :rewrite (list (skip ?work))
   :capacity ((< 2 (- (hands) (hands-used)))))
+=== own/tea.plan
+(use transformation)
+(def-plan brew () (sleep 2) (print "tea"))
+(def-rules tea (<- (action-grounding (an action (type brewing)) (brew))))
+(def-transformation tea-time
+  "Tea is quicker than a nap."
+  :applicable (task-name ?nap nap)
+  :rewrite (list (replace ?nap '(perform (an action (type brewing))))))
 === circle.plan
 (use transformation)
 (def-transformation a "A." :applicable (task ?t) :rewrite nil :before (b))
@@ -206,6 +214,14 @@ $ pleach transform t.store nothing
 error: there is no tree `nothing` in the store t.store
   help: its trees are: day
 --- exit 2
+$ pleach run day.plan --rehearse --only tea-time --rules own --store o.store --log o.log -q; rm -r own; pleach replay o.store -q
+tea
+tea
+done
+tea
+tea
+done
+--- exit 0
 $ pleach transform circle.plan --save
 --- stderr
 error: --save puts the better plan into a store, and this is a plan file
