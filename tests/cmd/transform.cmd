@@ -288,11 +288,11 @@ $ pleach transform day.plan --plan nap --arg 1
 error: the rehearsal failed
   × arity-error: `nap` takes 0 arguments, got 1
   │ in top-level
-     ╭─[library/transformation.plan:426:3]
- 425 │ (def-fun %run (state tree seed)
- 426 │   (project (get state :plan) :args (get state :args) :tree tree :seed seed))
+     ╭─[library/transformation.plan:424:3]
+ 423 │ (def-fun %run (state tree seed)
+ 424 │   (project (get state :plan) :args (get state :args) :tree tree :seed seed))
      ·   ────────────────────────────────────┬────────────────────────────────────
      ·                                       ╰── failed here
- 427 │ 
+ 425 │ 
      ╰────
 --- exit 2
