@@ -179,6 +179,9 @@ pub struct Start<'a> {
 
 /// Runs a plan file.
 pub fn run(it: Run) -> Answer {
+    if !it.rehearse && it.rehearsing.is_given() {
+        return Err(Trouble::new("--only and --rules are for a rehearsal", "add --rehearse"));
+    }
     let rehearse = if it.rehearse { Some(it.rehearsing.wishes(&it.settings)?) } else { None };
     let job = Job { file: it.file, plan: it.plan, args: it.args, settings: it.settings, rehearse };
     if let Some(schedules) = it.schedules {

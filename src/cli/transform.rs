@@ -31,7 +31,8 @@ Examples:
 
 The plan runs in projection under some seeds. Rules look at what happened, and propose edits of the plan. What is
 kept succeeds under at least 4 of 5 seeds under which the plan without it succeeds, leaves nothing behind, keeps what
-the transformation says, and is cheaper: seconds, and 60 for each failure that nobody made good.
+the transformation says, and is cheaper: seconds, and 60 for each failure that nobody made good. With --accept static
+one run has to succeed and keep what is said, and nobody asks what it costs.
 Transformations are those of the files that the plan uses, as (use household) does, and of --rules.
 
 With --json stdout is one object: {steps: [{transformation, input, edits, verdict, check, why, numbers}],
@@ -104,6 +105,11 @@ const LONGEST: usize = 110;
 const FAR: u64 = 1_000_003;
 
 impl Rehearsing {
+    /// True if something was said that only a rehearsal needs.
+    pub fn is_given(&self) -> bool {
+        !self.only.is_empty() || !self.rules.is_empty()
+    }
+
     /// The same for a session.
     pub fn wishes(&self, settings: &Settings) -> Result<Wishes, Trouble> {
         let mut rules = Vec::new();
@@ -184,6 +190,12 @@ fn of_file(it: &Transform) -> Result<Subject, Trouble> {
 
 /// The plan that a run of a store has run, with the edits that hold by now.
 fn of_store(it: &Transform) -> Result<Subject, Trouble> {
+    if it.plan.is_some() || !it.args.is_empty() {
+        return Err(Trouble::new(
+            "the plan of a stored run, and its arguments, are those of the run",
+            "leave out --plan and --arg, or name the plan file instead of the store",
+        ));
+    }
     let store = Store::read(&it.file)?;
     let version = keep::version(&store, it.tree.as_deref(), None)?;
     // A version that was saved is of the plan that ran before it.
@@ -227,6 +239,9 @@ pub fn run(it: &Transform) -> Answer {
         Some(version) => Some(save(&it.file, &version, &rehearsal)?),
         None => None,
     };
+    if it.emit.is_some() && !is_better {
+        term::complain("note: nothing was kept, so nothing is written\n");
+    }
     let emitted = match it.emit.as_deref().filter(|_| is_better) {
         Some(out) => Some(emit(it, &job, &rehearsal, out)?),
         None => None,
@@ -268,7 +283,17 @@ fn emit(it: &Transform, job: &Job, rehearsal: &Rehearsal, out: &Path) -> Result<
             let left = it
                 .left
                 .iter()
-                .map(|(edit, why)| format!("not worked in: {}\n  {why}", super::tree::cut(edit, LONGEST)));
+                .map(|(edit, why)| format!("not worked in: {}: {why}", super::tree::cut(edit, LONGEST)));
+            let held = steps(&rehearsal.report).iter().filter(|step| step["verdict"] == "accepted");
+            let all: usize = held.map(|step| step["edits"].as_array().map_or(0, Vec::len)).sum();
+            if it.left.len() >= all {
+                let why = it.left.first().map_or("", |(_, why)| why.as_str());
+                let what = format!("none of the {all} edits can be worked into the text: {why}");
+                return Err(Trouble::new(
+                    what,
+                    "without --inline they are written as a variant, which does the same",
+                ));
+            }
             (it.text.clone(), left.chain(it.remarks.iter().cloned()).collect())
         }
     };
@@ -402,7 +427,11 @@ pub fn text(report: &Json, why: bool) -> String {
     let mut out = String::new();
     if let (Some(before), Some(after)) = (before, after) {
         let percent = if before > 0.0 { (100.0 * (before - after) / before).round() } else { 0.0 };
-        out += &format!("rehearsed under {seeds} seeds: {before:.1} s → {after:.1} s, {percent} % less\n");
+        let (plural, word) = (if seeds == 1 { "" } else { "s" }, if percent < 0.0 { "more" } else { "less" });
+        let percent = percent.abs();
+        out += &format!(
+            "rehearsed under {seeds} seed{plural}: {before:.1} s → {after:.1} s, {percent} % {word}\n"
+        );
     }
     let kept = accepted(report).count();
     let refused = steps(report).len() - kept;
@@ -415,7 +444,7 @@ pub fn text(report: &Json, why: bool) -> String {
         out += &format!("  {:<16} {} ({})", word("transformation"), word("verdict"), word("check"));
         out += &numbers(&step["numbers"]);
         if let Some(why) = step["why"].as_str() {
-            out += &format!(": {}", safe(why));
+            out += &format!(": {}", safe(&why.replace('\n', "; ")));
         }
         out += "\n";
         for edit in step["edits"].as_array().into_iter().flatten().filter_map(Json::as_str) {

@@ -88,18 +88,18 @@ nothing was kept; 1 refused, --why says why
 $ pleach transform day.plan --only nobody -q
 --- stderr
 error: the rehearsal failed
-  × transformation-failure: there is no transformation nobody; there are: lazier lazy
+  × transformation-failure: there is no transformation nobody; there are: lazy lazier
   │ in top-level
   │ name: nobody
-     ╭─[library/transformation.plan:118:7]
- 117 │         (unless (member name names)
- 118 │ ╭─▶       (fail transformation-failure
- 119 │ │               :name name
- 120 │ │               :message (format "there is no transformation ~a; there are: ~a"
- 121 │ │                                name
- 122 │ ├─▶                              (string-join (map symbol->string names) " "))))
+     ╭─[library/transformation.plan:127:7]
+ 126 │         (unless (member name names)
+ 127 │ ╭─▶       (fail transformation-failure
+ 128 │ │               :name name
+ 129 │ │               :message (format "there is no transformation ~a; there are: ~a"
+ 130 │ │                                name
+ 131 │ ├─▶                              (string-join (map symbol->string names) " "))))
      · ╰──── failed here
- 123 │         name))
+ 132 │         name))
      ╰────
 --- exit 2
 $ pleach transform day.plan --list
@@ -229,18 +229,18 @@ error: --save puts the better plan into a store, and this is a plan file
 --- exit 2
 $ pleach transform circle.plan --list
 --- stderr
-  × transformation-failure: the priorities go in a circle: b before a before b
+  × transformation-failure: the priorities go in a circle: a before b before a
   │ in top-level
-  │ name: b
-     ╭─[library/transformation.plan:182:10]
- 181 │            (let ((name (get (first left) :name)))
- 182 │ ╭─▶          (fail transformation-failure
- 183 │ │                  :name name
- 184 │ │                  :message (format "the priorities go in a circle: ~a"
- 185 │ │                                   (string-join (map symbol->string (%circle name before nil))
- 186 │ ├─▶                                              " before "))))))))
+  │ name: a
+     ╭─[library/transformation.plan:191:10]
+ 190 │            (let ((name (get (first left) :name)))
+ 191 │ ╭─▶          (fail transformation-failure
+ 192 │ │                  :name name
+ 193 │ │                  :message (format "the priorities go in a circle: ~a"
+ 194 │ │                                   (string-join (map symbol->string (%circle name before nil))
+ 195 │ ├─▶                                              " before "))))))))
      · ╰──── failed here
- 187 │     
+ 196 │     
      ╰────
 --- exit 2
 $ pleach transform fails.plan
@@ -288,11 +288,11 @@ $ pleach transform day.plan --plan nap --arg 1
 error: the rehearsal failed
   × arity-error: `nap` takes 0 arguments, got 1
   │ in top-level
-     ╭─[library/transformation.plan:424:3]
- 423 │ (def-fun %run (state tree seed)
- 424 │   (project (get state :plan) :args (get state :args) :tree tree :seed seed))
+     ╭─[library/transformation.plan:438:3]
+ 437 │ (def-fun %run (state tree seed)
+ 438 │   (project (get state :plan) :args (get state :args) :tree tree :seed seed))
      ·   ────────────────────────────────────┬────────────────────────────────────
      ·                                       ╰── failed here
- 425 │ 
+ 439 │ 
      ╰────
 --- exit 2
