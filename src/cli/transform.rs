@@ -348,7 +348,10 @@ pub fn rehearse(
             "write (use household) into the plan file, or name a file or folder after --rules",
         ),
         Err(NoRehearsal::Because(why)) => Trouble::from(why),
-        Err(NoRehearsal::Stopped) => return Ok(Err(INTERRUPTED)),
+        Err(NoRehearsal::Stopped) => {
+            term::complain("interrupted while the plan was rehearsed; nothing was changed\n");
+            return Ok(Err(INTERRUPTED));
+        }
         Err(NoRehearsal::NotLoaded(Ended::Errors(reports))) => {
             return Ok(Err(report::errors(&session, &reports, show)));
         }

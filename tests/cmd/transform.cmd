@@ -48,6 +48,10 @@
 (use transformation)
 (def-transformation lazy "Says too little." :applicable (task ?t))
 (def-transformation odd "Says too much." :applicable (task ?t) :rewrite nil :keep ((task ?t)))
+(def-transformation bare :applicable (task ?t) :rewrite nil)
+(def-transformation lost "Groups by what is not there." :applicable (task ?t) :rewrite nil :answers (all :group-by (?x)))
+(def-transformation slip "A slip of the pen." :applicable (task ?t) :rewrite nil :answers (all :gruop-by (?t)))
+(def-transformation twice "Says it twice." :applicable (task ?t) :rewrite nil :rewrite nil)
 (def-plan main () (print 1))
 === commands
 $ pleach transform day.plan
@@ -91,15 +95,15 @@ error: the rehearsal failed
   × transformation-failure: there is no transformation nobody; there are: lazy lazier
   │ in top-level
   │ name: nobody
-     ╭─[library/transformation.plan:127:7]
- 126 │         (unless (member name names)
- 127 │ ╭─▶       (fail transformation-failure
- 128 │ │               :name name
- 129 │ │               :message (format "there is no transformation ~a; there are: ~a"
- 130 │ │                                name
- 131 │ ├─▶                              (string-join (map symbol->string names) " "))))
+     ╭─[library/transformation.plan:155:7]
+ 154 │         (unless (member name names)
+ 155 │ ╭─▶       (fail transformation-failure
+ 156 │ │               :name name
+ 157 │ │               :message (format "there is no transformation ~a; there are: ~a"
+ 158 │ │                                name
+ 159 │ ├─▶                              (string-join (map symbol->string names) " "))))
      · ╰──── failed here
- 132 │         name))
+ 160 │         name))
      ╰────
 --- exit 2
 $ pleach transform day.plan --list
@@ -232,15 +236,15 @@ $ pleach transform circle.plan --list
   × transformation-failure: the priorities go in a circle: a before b before a
   │ in top-level
   │ name: a
-     ╭─[library/transformation.plan:191:10]
- 190 │            (let ((name (get (first left) :name)))
- 191 │ ╭─▶          (fail transformation-failure
- 192 │ │                  :name name
- 193 │ │                  :message (format "the priorities go in a circle: ~a"
- 194 │ │                                   (string-join (map symbol->string (%circle name before nil))
- 195 │ ├─▶                                              " before "))))))))
+     ╭─[library/transformation.plan:222:10]
+ 221 │            (let ((name (get (first left) :name)))
+ 222 │ ╭─▶          (fail transformation-failure
+ 223 │ │                  :name name
+ 224 │ │                  :message (format "the priorities go in a circle: ~a"
+ 225 │ │                                   (string-join (map symbol->string (%circle name before nil))
+ 226 │ ├─▶                                              " before "))))))))
      · ╰──── failed here
- 196 │     
+ 227 │     
      ╰────
 --- exit 2
 $ pleach transform fails.plan
@@ -271,7 +275,51 @@ expand::failed
  3 │ (def-transformation odd "Says too much." :applicable (task ?t) :rewrite nil :keep ((task ?t)))
    · ───────────────────────────────────────────────┬──────────────────────────────────────────────
    ·                                                ╰── expanded here
- 4 │ (def-plan main () (print 1))
+ 4 │ (def-transformation bare :applicable (task ?t) :rewrite nil)
+   ╰────
+expand::failed
+
+  × the macro `transformation` failed: the transformation bare says nothing about itself: a text
+  │ stands behind its name (program-error)
+   ╭─[wrong.plan:4:1]
+ 3 │ (def-transformation odd "Says too much." :applicable (task ?t) :rewrite nil :keep ((task ?t)))
+ 4 │ (def-transformation bare :applicable (task ?t) :rewrite nil)
+   · ──────────────────────────────┬─────────────────────────────
+   ·                               ╰── expanded here
+ 5 │ (def-transformation lost "Groups by what is not there." :applicable (task ?t) :rewrite nil :answers (all :group-by (?x)))
+   ╰────
+expand::failed
+
+  × the macro `transformation` failed: the transformation lost groups by (?x); the variables of
+  │ its `:applicable` are (?t) (program-error)
+   ╭─[wrong.plan:5:1]
+ 4 │ (def-transformation bare :applicable (task ?t) :rewrite nil)
+ 5 │ (def-transformation lost "Groups by what is not there." :applicable (task ?t) :rewrite nil :answers (all :group-by (?x)))
+   · ────────────────────────────────────────────────────────────┬────────────────────────────────────────────────────────────
+   ·                                                             ╰── expanded here
+ 6 │ (def-transformation slip "A slip of the pen." :applicable (task ?t) :rewrite nil :answers (all :gruop-by (?t)))
+   ╰────
+expand::failed
+
+  × the macro `transformation` failed: the transformation slip says `:answers (all :gruop-by (?
+  │ t))`; there are `(first)` and `(all :group-by (?x) :min n :order predicate)` (program-error)
+   ╭─[wrong.plan:6:1]
+ 5 │ (def-transformation lost "Groups by what is not there." :applicable (task ?t) :rewrite nil :answers (all :group-by (?x)))
+ 6 │ (def-transformation slip "A slip of the pen." :applicable (task ?t) :rewrite nil :answers (all :gruop-by (?t)))
+   · ───────────────────────────────────────────────────────┬───────────────────────────────────────────────────────
+   ·                                                        ╰── expanded here
+ 7 │ (def-transformation twice "Says it twice." :applicable (task ?t) :rewrite nil :rewrite nil)
+   ╰────
+expand::failed
+
+  × the macro `transformation` failed: the transformation twice does not say :rewrite once, with
+  │ what it is (program-error)
+   ╭─[wrong.plan:7:1]
+ 6 │ (def-transformation slip "A slip of the pen." :applicable (task ?t) :rewrite nil :answers (all :gruop-by (?t)))
+ 7 │ (def-transformation twice "Says it twice." :applicable (task ?t) :rewrite nil :rewrite nil)
+   · ─────────────────────────────────────────────┬─────────────────────────────────────────────
+   ·                                              ╰── expanded here
+ 8 │ (def-plan main () (print 1))
    ╰────
 --- exit 2
 $ pleach transform missing.plan
@@ -288,11 +336,11 @@ $ pleach transform day.plan --plan nap --arg 1
 error: the rehearsal failed
   × arity-error: `nap` takes 0 arguments, got 1
   │ in top-level
-     ╭─[library/transformation.plan:438:3]
- 437 │ (def-fun %run (state tree seed)
- 438 │   (project (get state :plan) :args (get state :args) :tree tree :seed seed))
+     ╭─[library/transformation.plan:469:3]
+ 468 │ (def-fun %run (state tree seed)
+ 469 │   (project (get state :plan) :args (get state :args) :tree tree :seed seed))
      ·   ────────────────────────────────────┬────────────────────────────────────
      ·                                       ╰── failed here
- 439 │ 
+ 470 │ 
      ╰────
 --- exit 2

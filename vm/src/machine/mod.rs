@@ -6,7 +6,7 @@
 //!
 //! [`hot`] is the loop; [`call`] what calls need beyond a frame; [`drive`] calls that take
 //! several steps (goals, grounding, edits), [`edited`] which edits hold; [`unwind`] how failures find their handlers, [`cleanup`]
-//! the time that clean-ups have; [`edits`] adds edits to a tree, [`obligation`] does what is put off;
+//! the time that clean-ups have; [`edits`] adds edits to a tree, [`graft`] to a call in it, [`obligation`] does what is put off;
 //! [`solve`] asks rules,
 //! [`task`] gives tasks their turns, [`fork`] begins and ends them, [`fluent`] wakes them.
 //!
