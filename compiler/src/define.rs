@@ -697,7 +697,7 @@ impl Compiler<'_> {
             body.push(self.expr(&mut scope, &form));
         }
         self.within.clear();
-        let name = Symbol::from("top-level");
+        let name = Symbol::from(vm::code::TOP_LEVEL);
         let id = self.declare(name, FnKind::TopLevel, module);
         self.init_function(scope, id, name, body, Span { file, ..first });
         Some(id)

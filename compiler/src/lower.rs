@@ -18,7 +18,7 @@ use vm::code::{
     ConstId, FnId, FnKind, FormKind, FormRange, Function as Proto, Pc, Place, Program, RoundKey, Site,
 };
 use vm::op::Op;
-use vm::random::{hash_text, mix};
+use vm::random::hash_call;
 use vm::value::{Imm, Symbol, Value};
 
 use crate::ast::{Callee, Expr, ExprKind, Function, VarId};
@@ -189,15 +189,13 @@ impl<'p> Lower<'p> {
                 cleanup.0 = entry + self.labels[cleanup.0 as usize].unwrap_or(0);
             }
         }
-        let owner_hash = hash_text(&self.name);
         let mut seen: BTreeMap<Symbol, u64> = BTreeMap::new();
         for site in &mut self.sites {
             site.pc.0 += entry;
             site.form += first_form;
-            // Calls of other names around it do not change what it draws.
             let ordinal = seen.entry(site.name).or_default();
             *ordinal += 1;
-            site.hash = mix(owner_hash ^ mix(*ordinal) ^ hash_text(&site.name));
+            site.hash = hash_call(&self.name, &site.name, *ordinal);
         }
         let program = self.program;
         program.code.append(&mut self.code);

@@ -129,14 +129,6 @@ pub(super) fn motion_costs(session: &mut Session) -> Option<Costs> {
     Some(world.costs).filter(|costs| costs.actions > 0)
 }
 
-/// How many failures were raised in the tasks of a run, those that it has recovered from included.
-fn failures(session: &Session) -> usize {
-    let tree = session.machine.tree();
-    let raised = tree.records().filter_map(|rec| tree.record(rec).value.as_failure()?.task.clone());
-    let raised: std::collections::BTreeSet<_> = raised.map(|task| std::rc::Rc::as_ptr(&task)).collect();
-    raised.len()
-}
-
 fn costs_json(session: &Session, costs: &Costs) -> Json {
     json!({
         "count": costs.actions,
@@ -144,12 +136,12 @@ fn costs_json(session: &Session, costs: &Costs) -> Json {
         "straight-m": costs.straight_m,
         "hand-m": costs.hand_m,
         "leaps": costs.leaps,
-        "failures": failures(session),
+        "failures": session.machine.tree().failures(),
     })
 }
 
 fn costs_text(session: &Session, costs: &Costs) -> String {
-    let failures = failures(session);
+    let failures = session.machine.tree().failures();
     format!(
         "{:.1} s, {} motions, {:.1} m driven ({:.1} m straight), hands {:.1} m, {failures} failure{}\n",
         session.machine.now() as f64 / 1e9,

@@ -41,6 +41,7 @@ natives! {
     "tree-why" [1 2] => tree_why;
     "tree-start" [1 2] => |args: &[Value]| Ok(seconds(record(args)?.start));
     "tree-end" [1 2] => |args: &[Value]| Ok(seconds(record(args)?.end));
+    "tree-failures" [1] => |args: &[Value]| Ok(Value::int(tree(&args[0])?.failures() as i64));
     "tree-params" [1 2] in ctx => tree_params;
     "tree-written" [1 2] in ctx => tree_written;
     "tree-notes" [1 2] => tree_notes;

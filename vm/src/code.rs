@@ -14,6 +14,9 @@ use crate::native::Native;
 use crate::op::Op;
 use crate::value::{Imm, Symbol, Value};
 
+/// What the function of the top-level forms of a file is called, and the root of a tree.
+pub const TOP_LEVEL: &str = "top-level";
+
 macro_rules! index_types {
     ($($(#[$doc:meta])+ $name:ident;)+) => {
         $($(#[$doc])+ #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default)] pub struct $name(pub u32);

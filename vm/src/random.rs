@@ -24,6 +24,13 @@ pub fn hash_text(text: &str) -> u64 {
         .fold(0xCBF2_9CE4_8422_2325, |hash, byte| (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01B3)))
 }
 
+/// A number that stands for a call in words: the function that it stands in, what is called, and the how many-th call of
+/// that it is there. Calls of other names around it do not change what it draws.
+#[must_use]
+pub fn hash_call(owner: &str, name: &str, ordinal: u64) -> u64 {
+    mix(hash_text(owner) ^ mix(ordinal) ^ hash_text(name))
+}
+
 /// Draw number `n` of attempt `attempt` at the slot with this hash.
 #[inline]
 #[must_use]

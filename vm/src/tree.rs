@@ -14,15 +14,15 @@
 //! 2. A final status is never left.
 //! 3. Parents have smaller numbers than their children, slots as well as records.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::rc::Rc;
 
 use rustc_hash::FxHashMap;
 
-use crate::code::FnId;
+use crate::code::{FnId, SiteId, TOP_LEVEL};
 use crate::edit::Accepted;
 use crate::key::{Key, Keys};
-use crate::random::mix;
+use crate::random::{hash_call, mix};
 use crate::value::{Symbol, Value};
 use crate::world::World;
 
@@ -388,7 +388,7 @@ impl Tree {
         self.index.clear();
         self.edits = Rc::default();
         self.edits_at = Rc::default();
-        let name = Symbol::from("top-level");
+        let name = Symbol::from(TOP_LEVEL);
         self.slots.push(Slot { name, ..Slot::default() });
         self.slots.push(Slot { name, hash: crate::random::hash_text(&name), ..Slot::default() });
     }
@@ -491,7 +491,11 @@ impl Tree {
         if index != 0 {
             self.index[index as usize - 1].insert(key, slot);
         }
-        let hash = mix(above_hash ^ site_hash ^ self.keys.hash(key.chain));
+        let hash = match key.site == SiteId(0) && above == ROOT {
+            // A plan that the program does not call itself draws as it does when it is called at top level.
+            true => mix(above_hash ^ hash_call(TOP_LEVEL, &name, 1)),
+            false => mix(above_hash ^ site_hash ^ self.keys.hash(key.chain)),
+        };
         // Every field by name: the default of a name is looked up in the table of names.
         let none = SlotId(0);
         self.slots.push(Slot {
@@ -646,6 +650,13 @@ impl Tree {
     pub fn extra_mut(&mut self, rec: RecId) -> &mut Extra {
         self.changes += 1;
         self.extras.entry(rec).or_default()
+    }
+
+    /// How many failures were raised in the tasks of the run, those that it has recovered from included.
+    #[must_use]
+    pub fn failures(&self) -> usize {
+        let raised = self.records().filter_map(|rec| self.record(rec).value.as_failure()?.task.as_ref());
+        raised.map(Rc::as_ptr).collect::<BTreeSet<_>>().len()
     }
 
     /// Notes the plan that is called at a slot whose site does not say which.
