@@ -26,7 +26,7 @@ mod number;
 mod random;
 mod rule;
 mod sequence;
-mod statistics;
+pub mod statistics;
 mod string;
 mod symbol;
 mod table;
