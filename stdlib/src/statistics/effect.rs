@@ -23,7 +23,7 @@ pub fn cohens_d(a: &[f64], b: &[f64]) -> Option<f64> {
 pub fn hedges_g(a: &[f64], b: &[f64]) -> Option<f64> {
     let d = cohens_d(a, b)?;
     let half = (a.len() + b.len() - 2) as f64 / 2.0;
-    Some(d * half_step(half - 0.5) / half.sqrt())
+    Some(d * half_step(half - 0.5)? / half.sqrt())
 }
 
 /// d_z of pairs (Cohen 1988): the mean of the differences `a[i] − b[i]` in their standard deviations.

@@ -4,9 +4,8 @@
 //! is no answer, since a list is empty, too short or has a value that is not finite, it is `None`: nothing here
 //! panics, and no result is NaN. Intervals are those of 95 %, and `p` is always two-sided.
 //!
-//! What statrs and its like compute comes out different on another machine, see [`distribution`]; so the few distributions
-//! that are needed are written here, and statrs is what the tests compare them with. The tests below name for each formula a
-//! published example.
+//! Distributions come from the crate `statrs`, see [`distribution`]; tests and intervals that it lacks are written here, after the papers
+//! that their docstrings name. The tests below name for each formula a published example.
 //!
 //! The order of a comparison is: [`Summary`] of each variant; runs that were made under the same seeds are pairs, so
 //! [`paired_t`] and [`wilcoxon`] compare their values and [`mcnemar`] their successes; else [`welch_t`] and [`fisher`]; how much

@@ -1,6 +1,6 @@
 //! Rates of success: how sure they are, and whether two of them differ.
 
-use super::distribution::{Weights, Z_95, binomial_at_least};
+use super::distribution::{Z_95, binomial_at_least};
 
 /// From where to where.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -55,6 +55,8 @@ pub fn mcnemar(b: u64, c: u64) -> Option<f64> {
 
 /// Fisher's exact test of a table of two rows `a b` and `c d`, two-sided: the probability of all tables with the same
 /// margins that are no more likely than this one (Fisher 1935; two-sided as in Agresti 2002, section 3.5.1, and in R).
+///
+/// It is computed here, for that of `statrs` 0.19.1 is wrong for large counts: 0.48 for 1000, 0, 0, 1000.
 ///
 /// A table without counts in a row or column says nothing: 1. `None` if there are more than [`MOST_TRIALS`].
 #[must_use]
@@ -113,4 +115,61 @@ fn difference(one: Rate, other: Rate, correlation: f64) -> Difference {
     let down = side(one.rate - one.interval.low, other.interval.high - other.rate);
     let up = side(one.interval.high - one.rate, other.rate - other.interval.low);
     Difference { difference, low: difference - down, high: difference + up }
+}
+
+/// The probabilities of a discrete distribution with one mode, but for a factor that all have.
+///
+/// They are got from the mode outwards, each from its neighbour, so only the four operations are used. The mode weighs 1, and
+/// what is so far out that it weighs nothing is left out.
+struct Weights {
+    first: u64,
+    weights: Vec<f64>,
+}
+
+impl Weights {
+    /// `up(i)`: how many times as likely `i + 1` is as `i`.
+    fn around(mode: u64, least: u64, most: u64, up: impl Fn(u64) -> f64) -> Weights {
+        let mut weights = vec![1.0];
+        let mut weight = 1.0;
+        let mut first = mode;
+        while first > least && weight > 0.0 {
+            first -= 1;
+            weight /= up(first);
+            weights.push(weight);
+        }
+        weights.reverse();
+        weight = 1.0;
+        for i in mode..most {
+            weight *= up(i);
+            if weight == 0.0 {
+                break;
+            }
+            weights.push(weight);
+        }
+        Weights { first, weights }
+    }
+
+    /// Of `draws` from a population of `white` and `black` ones, how many are white. No more than [`MOST_TRIALS`] in all.
+    fn hypergeometric(draws: u64, white: u64, black: u64) -> Weights {
+        let (least, most) = (draws.saturating_sub(black), draws.min(white));
+        let mode = ((draws + 1) * (white + 1) / (white + black + 2)).clamp(least, most);
+        Weights::around(mode, least, most, |i| {
+            ((white - i) * (draws - i)) as f64 / ((i + 1) * (black + i + 1 - draws)) as f64
+        })
+    }
+
+    /// The weight of `i`.
+    fn of(&self, i: u64) -> f64 {
+        let at = i.checked_sub(self.first).and_then(|at| usize::try_from(at).ok());
+        at.and_then(|at| self.weights.get(at)).copied().unwrap_or(0.0)
+    }
+
+    /// The probability of all for which `counts` holds, given the value and its weight.
+    fn share(&self, counts: impl Fn(u64, f64) -> bool) -> f64 {
+        let (mut inside, mut outside) = (0.0, 0.0);
+        for (i, weight) in (self.first..).zip(&self.weights) {
+            *(if counts(i, *weight) { &mut inside } else { &mut outside }) += weight;
+        }
+        inside / (inside + outside)
+    }
 }
