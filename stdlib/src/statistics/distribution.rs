@@ -119,12 +119,10 @@ pub fn binomial_at_least(k: u64, n: u64, p: f64) -> Option<f64> {
     if !(0.0..=1.0).contains(&p) || n > MOST_TRIALS {
         return None;
     }
-    let certain = |holds: bool| Some(f64::from(u8::from(holds)));
-    match (k, p) {
-        (0, _) => return Some(1.0),
-        (k, _) if k > n => return Some(0.0),
-        (_, p) if p == 0.0 => return certain(false),
-        (_, p) if p == 1.0 => return certain(true),
+    match p {
+        _ if k == 0 => return Some(1.0),
+        _ if k > n => return Some(0.0),
+        0.0 | 1.0 => return Some(p),
         _ => {}
     }
     let odds = p / (1.0 - p);
