@@ -9,9 +9,11 @@
 //! assert_eq!(run.outcome.map(|value| vm::print::write(&value)).ok(), Some("3".into()));
 //! ```
 
+pub mod evaluate;
 pub mod files;
 mod import;
 pub mod inline;
+pub mod markup;
 pub mod query;
 pub mod read;
 pub mod rehearse;
