@@ -178,7 +178,7 @@ impl Session {
     }
 
     /// A saved tree as one of this program.
-    fn restored(&mut self, saved: &SavedTree) -> Result<Value, NoRehearsal> {
+    pub(crate) fn restored(&mut self, saved: &SavedTree) -> Result<Value, NoRehearsal> {
         let reader = crate::read::Reader::default();
         let (tree, _) = self.with_door(&mut String::new(), |machine, host| {
             machine.restore(host, saved, Some(SiteId(0)), &|text| reader.value(text))
@@ -186,7 +186,11 @@ impl Session {
         Ok(Value::new(Obj::Tree(Rc::new(tree))))
     }
 
-    fn load_quietly(&mut self, loaded: compiler::Loaded, output: &mut dyn Output) -> Result<(), NoRehearsal> {
+    pub(crate) fn load_quietly(
+        &mut self,
+        loaded: compiler::Loaded,
+        output: &mut dyn Output,
+    ) -> Result<(), NoRehearsal> {
         if !loaded.reports.iter().all(Report::is_warning) {
             return Err(NoRehearsal::NotLoaded(Ended::Errors(loaded.reports)));
         }
@@ -197,19 +201,26 @@ impl Session {
         }
     }
 
-    /// Loads a file whose definitions take part, and which nobody has to name.
+    /// Loads a file, or a module of the library, whose definitions take part, and which nobody has to name.
     ///
     /// # Errors
     /// It cannot be read, has errors, or one of its forms failed.
     pub fn load_rules(&mut self, path: &Path, output: &mut dyn Output) -> Result<(), NoRehearsal> {
         let module = self.module;
-        let loaded = self.load_file(path)?;
+        let loaded = match path.to_str().filter(|_| !path.exists()) {
+            Some(name) => self.load_text("library/rules.plan", &format!("(use {name})")),
+            None => self.load_file(path)?,
+        };
         self.module = module;
         self.load_quietly(loaded, output)
     }
 
     /// The values of forms, as a list.
-    fn arguments(&mut self, args: &[String], output: &mut dyn Output) -> Result<Value, NoRehearsal> {
+    pub(crate) fn arguments(
+        &mut self,
+        args: &[String],
+        output: &mut dyn Output,
+    ) -> Result<Value, NoRehearsal> {
         if args.is_empty() {
             return Ok(Value::NIL);
         }
@@ -224,7 +235,7 @@ impl Session {
     }
 
     /// Lists, maps and numbers as such, trees left out, all else as text.
-    fn as_json(&self, value: &Value) -> Json {
+    pub(crate) fn as_json(&self, value: &Value) -> Json {
         let text = |value: &Value| {
             Json::String(
                 vm::print::Printer::new(Some(&self.machine.program), true, vm::print::LIMIT).text(value),

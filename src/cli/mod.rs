@@ -7,6 +7,7 @@
 mod check;
 mod console;
 pub mod doc;
+mod evaluate;
 mod explain;
 pub mod files;
 mod fmt;
@@ -111,6 +112,9 @@ enum Command {
     /// Rehearse a plan, and rewrite it where that pays
     #[command(after_help = transform::HELP)]
     Transform(Box<transform::Transform>),
+    /// Run experiments: variants of a plan under many seeds, compared
+    #[command(after_help = evaluate::HELP)]
+    Evaluate(Box<evaluate::Evaluate>),
     /// Check, export, import and empty stores
     #[command(after_help = store::HELP)]
     Store(store::Command),
@@ -149,6 +153,7 @@ pub fn main() -> u8 {
         Command::Replay(it) => resume::replay(&it),
         Command::Query(it) => query::run(*it),
         Command::Transform(it) => transform::run(&it),
+        Command::Evaluate(it) => evaluate::run(&it),
         Command::Tree(it) => tree::run(&it),
         Command::Store(it) => store::run(&it),
         Command::Repl(it) => crate::repl::run(&it),

@@ -93,8 +93,8 @@ pub struct Rehearsing {
     /// Only these transformations
     #[arg(long, value_name = "NAME,…", value_delimiter = ',', help_heading = "Rehearsing")]
     only: Vec<String>,
-    /// A plan file with more transformations, or a folder of such files; once for each
-    #[arg(long, value_name = "DIR", help_heading = "Rehearsing")]
+    /// A plan file with more transformations, a folder of such files, or a module of the library; once for each
+    #[arg(long, value_name = "FILE|DIR|MODULE", help_heading = "Rehearsing")]
     rules: Vec<PathBuf>,
 }
 
@@ -126,9 +126,10 @@ impl Rehearsing {
     }
 }
 
-/// The plan files of a folder by name, or the file that was named.
-fn plan_files(path: &PathBuf) -> Result<Vec<PathBuf>, Trouble> {
-    if path.is_file() {
+/// The plan files of a folder by name, or the file or module of the library that was named.
+pub fn plan_files(path: &PathBuf) -> Result<Vec<PathBuf>, Trouble> {
+    let is_module = |name: &str| stdlib::MODULES.iter().any(|(module, _)| *module == name);
+    if path.is_file() || (!path.exists() && path.to_str().is_some_and(is_module)) {
         return Ok(vec![path.clone()]);
     }
     let cannot = |error| format!("cannot read {}: {}", path.display(), pleach::files::why(&error));

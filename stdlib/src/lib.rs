@@ -84,7 +84,7 @@ modules! {
 modules! {
     /// Name and text of each module of plans for robots in a world: `(use pick-place)`.
     PLANS:
-    "location" "action" "pick-place" "statistics" "transformation" "household"
+    "location" "action" "pick-place" "statistics" "transformation" "household" "experiment"
 }
 
 #[cfg(test)]

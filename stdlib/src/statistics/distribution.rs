@@ -67,80 +67,11 @@ pub fn binomial_at_least(k: u64, n: u64, p: f64) -> Option<f64> {
     if n > MOST_TRIALS {
         return None;
     }
-<<<<<<< HEAD
     let trials = Binomial::new(p, n).ok()?;
     match k {
         0 => Some(1.0),
         k if k > n => Some(0.0),
         k => rounded(trials.sf(k - 1).clamp(0.0, 1.0)),
-=======
-    match p {
-        _ if k == 0 => return Some(1.0),
-        _ if k > n => return Some(0.0),
-        0.0 | 1.0 => return Some(p),
-        _ => {}
-    }
-    let odds = p / (1.0 - p);
-    let mode = (((n + 1) as f64 * p) as u64).min(n);
-    let weights = Weights::around(mode, 0, n, |i| (n - i) as f64 / (i + 1) as f64 * odds);
-    Some(weights.share(|i, _| i >= k))
-}
-
-/// The probabilities of a discrete distribution with one mode, but for a factor that all have.
-///
-/// They are got from the mode outwards, each from its neighbour, so only the four operations are used. The mode weighs 1, and
-/// what is so far out that it weighs nothing is left out.
-pub(super) struct Weights {
-    first: u64,
-    weights: Vec<f64>,
-}
-
-impl Weights {
-    /// `up(i)`: how many times as likely `i + 1` is as `i`.
-    fn around(mode: u64, least: u64, most: u64, up: impl Fn(u64) -> f64) -> Weights {
-        let mut weights = vec![1.0];
-        let mut weight = 1.0;
-        let mut first = mode;
-        while first > least && weight > 0.0 {
-            first -= 1;
-            weight /= up(first);
-            weights.push(weight);
-        }
-        weights.reverse();
-        weight = 1.0;
-        for i in mode..most {
-            weight *= up(i);
-            if weight == 0.0 {
-                break;
-            }
-            weights.push(weight);
-        }
-        Weights { first, weights }
-    }
-
-    /// Of `draws` from a population of `white` and `black` ones, how many are white. No more than [`MOST_TRIALS`] in all.
-    pub(super) fn hypergeometric(draws: u64, white: u64, black: u64) -> Weights {
-        let (least, most) = (draws.saturating_sub(black), draws.min(white));
-        let mode = ((draws + 1) * (white + 1) / (white + black + 2)).clamp(least, most);
-        Weights::around(mode, least, most, |i| {
-            ((white - i) * (draws - i)) as f64 / ((i + 1) * (black + i + 1 - draws)) as f64
-        })
-    }
-
-    /// The weight of `i`.
-    pub(super) fn of(&self, i: u64) -> f64 {
-        let at = i.checked_sub(self.first).and_then(|at| usize::try_from(at).ok());
-        at.and_then(|at| self.weights.get(at)).copied().unwrap_or(0.0)
-    }
-
-    /// The probability of all for which `counts` holds, given the value and its weight.
-    pub(super) fn share(&self, counts: impl Fn(u64, f64) -> bool) -> f64 {
-        let (mut inside, mut outside) = (0.0, 0.0);
-        for (i, weight) in (self.first..).zip(&self.weights) {
-            *(if counts(i, *weight) { &mut inside } else { &mut outside }) += weight;
-        }
-        inside / (inside + outside)
->>>>>>> stats
     }
 }
 

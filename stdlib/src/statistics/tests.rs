@@ -250,7 +250,9 @@ fn the_largest_counts_end_soon() {
 /// Table of Student's t in Abramowitz and Stegun 1964, 26.10, and of R's `qt`.
 #[test]
 fn quantiles_of_student() {
-    for (degrees, t) in [(1.0, 12.706), (2.0, 4.303), (5.0, 2.571), (10.0, 2.228), (30.0, 2.042), (120.0, 1.980)] {
+    for (degrees, t) in
+        [(1.0, 12.706), (2.0, 4.303), (5.0, 2.571), (10.0, 2.228), (30.0, 2.042), (120.0, 1.980)]
+    {
         near(student_quantile(0.975, degrees), t, 5e-4);
         near(student_two_sided(t, degrees), 0.05, 1e-4);
     }

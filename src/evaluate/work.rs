@@ -1,0 +1,122 @@
+//! What is missing of an experiment is done: variants are rehearsed, plans run, runs kept.
+
+use std::path::Path;
+
+use vm::persist::SavedTree;
+
+use super::folder::{Folder, Head, Runs};
+use super::spread::spread;
+use super::worker::{Program, Worker};
+use super::{Edits, Run, Stop};
+
+/// Who watches an evaluation, and may stop it.
+pub trait Watch: Sync {
+    /// So many rehearsals or runs begin; some of them have been done before.
+    fn begins(&self, what: &str, done: usize, of: usize);
+    /// One of them has been done.
+    fn did(&self);
+    /// False stops the evaluation.
+    fn goes_on(&self) -> bool;
+}
+
+/// What there is of an experiment.
+pub struct Evaluated {
+    /// What was evaluated.
+    pub head: Head,
+    /// Its runs.
+    pub runs: Runs,
+    /// It was stopped before all of them were done.
+    pub stopped: bool,
+}
+
+/// Does what is missing of an experiment, the one with number `at` of the program. With a folder its runs are kept there, and
+/// those that are there already are not done again.
+///
+/// # Errors
+/// The folder cannot be used, or something has failed that is not the plan. What was done until then is kept.
+pub fn evaluate(
+    program: &Program,
+    (at, head): (usize, Head),
+    threads: usize,
+    folder: Option<&Path>,
+    watch: &dyn Watch,
+) -> Result<Evaluated, Stop> {
+    let (mut folder, mut runs, mut head) = match folder {
+        None => (None, Runs::new(), head),
+        Some(path) => {
+            let (folder, runs) = Folder::open(path, head)?;
+            let head = folder.head().clone();
+            (Some(folder), runs, head)
+        }
+    };
+    let trees = match folder.as_ref().and_then(Folder::trees) {
+        Some(trees) => trees,
+        None => {
+            let (edits, trees) = match rehearse(program, (at, &head), threads, watch) {
+                Err(Stop::Asked) => return Ok(Evaluated { head, runs, stopped: true }),
+                rehearsed => rehearsed?,
+            };
+            if let Some(folder) = &mut folder {
+                folder.set_edits(edits.clone(), &trees)?;
+            }
+            head.edits = edits;
+            trees
+        }
+    };
+    let it = &head.experiment;
+    let wanted = head.wanted();
+    let missing: Vec<_> = wanted
+        .iter()
+        .copied()
+        .filter(|(case, variant, seed)| !runs.contains_key(&(*case, *seed, *variant)))
+        .collect();
+    watch.begins("runs", wanted.len() - missing.len(), wanted.len());
+    let run = |worker: &mut Worker<'_>, job: usize| {
+        let (case, variant, _) = missing[job];
+        worker.run((at, it), missing[job], trees[it.cell(case, variant)].as_ref())
+    };
+    let keep = |_: usize, run: Run| {
+        watch.did();
+        if let Some(folder) = &mut folder {
+            folder.add(&run)?;
+        }
+        runs.insert((run.case, run.seed, run.variant), run);
+        Ok(())
+    };
+    let ended = spread(program, threads, missing.len(), &|| watch.goes_on(), run, keep);
+    match ended {
+        Ok(()) => {}
+        Err(Stop::Asked) => return Ok(Evaluated { head, runs, stopped: true }),
+        Err(stop) => return Err(stop),
+    }
+    if let Some(folder) = &mut folder {
+        folder.finish(&runs)?;
+    }
+    Ok(Evaluated { head, runs, stopped: false })
+}
+
+/// Rehearses all variants in all cases.
+fn rehearse(
+    program: &Program,
+    (at, head): (usize, &Head),
+    threads: usize,
+    watch: &dyn Watch,
+) -> Result<(Vec<Edits>, Vec<Option<SavedTree>>), Stop> {
+    let it = &head.experiment;
+    let variants = it.variants.len();
+    let mut all = vec![(Edits::default(), None); it.cells()];
+    watch.begins("rehearsals", 0, it.cells());
+    spread(
+        program,
+        threads,
+        it.cells(),
+        &|| watch.goes_on(),
+        |worker, cell| worker.rehearse((at, it), cell / variants, cell % variants),
+        |cell, rehearsed| {
+            watch.did();
+            all[cell] = rehearsed;
+            Ok(())
+        },
+    )?;
+    Ok(all.into_iter().unzip())
+}

@@ -1,0 +1,247 @@
+//! A session that rehearses variants and does runs.
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+
+use compiler::Report;
+use serde_json::Value as Json;
+use vm::code::FnId;
+use vm::machine::Progress;
+use vm::persist::SavedTree;
+use vm::value::{Imm, Value};
+
+use super::{Edits, Experiment, Run, Stop, list, texts};
+use crate::rehearse::NoRehearsal;
+use crate::render;
+use crate::session::{Ended, Options, Output, Session};
+
+/// What stands between the library and this file.
+const STAGE: &str = include_str!("stage.plan");
+
+/// The first seed of rehearsals lies so far from those of runs: what is measured is not what has been chosen by.
+const FAR: u64 = 1_000_003;
+
+/// What is evaluated, and how: all that a thread must know to begin.
+#[derive(Debug, Clone, Default)]
+pub struct Program {
+    /// The plan file.
+    pub file: PathBuf,
+    /// Files with more transformations.
+    pub rules: Vec<PathBuf>,
+    /// A plan of the file instead of its experiments.
+    pub plan: Option<String>,
+    /// Arguments of that plan, as forms.
+    pub args: Vec<String>,
+    /// Names of variants instead of those of the experiments.
+    pub variants: Vec<String>,
+    /// Which check decides on edits, instead of what the experiments say.
+    pub accept: Option<String>,
+    /// Under how many seeds is rehearsed, instead of what the experiments say.
+    pub seeds: Option<u64>,
+    /// Limits, grants and style.
+    pub options: Options,
+}
+
+/// A session with the program, its experiments, and the variants that it has run.
+pub struct Worker<'a> {
+    session: Session,
+    experiments: Vec<Value>,
+    rehearse: FnId,
+    run: FnId,
+    /// The trees of variants, by experiment and cell.
+    trees: BTreeMap<(usize, usize), Value>,
+    quiet: Quiet<'a>,
+}
+
+/// Nobody reads what plans print when they are evaluated.
+struct Quiet<'a> {
+    goes_on: &'a dyn Fn() -> bool,
+}
+
+impl Output for Quiet<'_> {
+    fn print(&mut self, _text: &str) {}
+    fn goes_on(&mut self) -> bool {
+        (self.goes_on)()
+    }
+}
+
+impl<'a> Worker<'a> {
+    /// Loads the program. `goes_on` is asked between two rounds of what it does.
+    ///
+    /// # Errors
+    /// What is wrong with the program, or the files of rules, as text.
+    pub fn new(program: &Program, goes_on: &'a dyn Fn() -> bool) -> Result<Worker<'a>, Stop> {
+        let mut session = Session::new(program.options.clone());
+        let mut quiet = Quiet { goes_on };
+        let loaded = session.load_file(&program.file)?;
+        let said = |session: &Session, why| Stop::of(session, why);
+        session.load_quietly(loaded, &mut quiet).map_err(|why| said(&session, why))?;
+        for rules in &program.rules {
+            session.load_rules(rules, &mut quiet).map_err(|why| said(&session, why))?;
+        }
+        let plan = program.plan.as_deref();
+        let own = match plan.map(|name| (name, session.plan(name))) {
+            Some((name, None)) => return Err(format!("the program has no plan called `{name}`").into()),
+            Some((name, Some(plan))) => {
+                let args = session.arguments(&program.args, &mut quiet).map_err(|why| said(&session, why))?;
+                vec![Value::symbol(name), Value::Imm(Imm::Function(plan)), args]
+            }
+            None => Vec::new(),
+        };
+        let stage = session.load_text("library/evaluation.plan", STAGE);
+        session.load_quietly(stage, &mut quiet).map_err(|why| said(&session, why))?;
+        let function = |name: &str| {
+            session.plan(name).ok_or_else(|| Stop::Because("the library cannot be loaded".into()))
+        };
+        let (rehearse, run) = (function("%rehearsed")?, function("%ran")?);
+        let find = function("%experiments")?;
+        let variants = program.variants.iter().map(|name| Value::symbol(name));
+        let seeds = program.seeds.map_or(Value::NIL, |n| Value::int(i64::try_from(n).unwrap_or(i64::MAX)));
+        let given = vec![
+            Value::list(own),
+            Value::list(variants.collect::<Vec<_>>()),
+            program.accept.as_deref().map_or(Value::NIL, Value::symbol),
+            seeds,
+        ];
+        let trees = BTreeMap::new();
+        let mut it = Worker { session, experiments: Vec::new(), rehearse, run, trees, quiet };
+        it.experiments = it.call(find, given)?.to_vec().unwrap_or_default();
+        Ok(it)
+    }
+
+    /// The experiments, in their order.
+    ///
+    /// # Errors
+    /// One of them cannot be understood.
+    pub fn experiments(&mut self) -> Result<Vec<Experiment>, Stop> {
+        let Some(describe) = self.session.plan("%described") else { return Ok(Vec::new()) };
+        let all = self.experiments.clone();
+        let described = all.into_iter().map(|it| {
+            let json = self.call(describe, vec![it])?;
+            let json = self.session.as_json(&json);
+            let runs = json["runs"].as_u64();
+            let wrong = || {
+                let name = &json["experiment"];
+                Stop::Because(format!(
+                    "the experiment {name} cannot be run: its `:runs`, `:seed` and `:seeds` are numbers from 0, and each factor has a value"
+                ))
+            };
+            runs.and_then(|runs| Experiment::from_json(&json, runs)).ok_or_else(wrong)
+        });
+        described.collect()
+    }
+
+    /// A number that stands for the texts of the program and the library.
+    #[must_use]
+    pub fn fingerprint(&self) -> String {
+        let files = self.session.files.iter().filter(|file| file.name != crate::session::CALL);
+        let sum = files.fold(0, |sum, file| vm::random::mix(sum ^ vm::random::hash_text(&file.text)));
+        format!("{sum:016x}")
+    }
+
+    /// Rehearses a variant in a case: its edits, and the tree that carries them, if there is one.
+    ///
+    /// # Errors
+    /// A failure, as text, or that it was stopped.
+    pub fn rehearse(
+        &mut self,
+        experiment: (usize, &Experiment),
+        case: usize,
+        variant: usize,
+    ) -> Result<(Edits, Option<SavedTree>), Stop> {
+        let (at, it) = experiment;
+        let seed = it.seed.wrapping_add(1).wrapping_mul(FAR) % (1 << 53);
+        let given = vec![self.experiments[at].clone(), index(case), index(variant), index(seed as usize)];
+        let value = self.call(self.rehearse, given)?;
+        let Some(map) = value.as_map() else { return Ok((Edits::default(), None)) };
+        let tree = map.get(&Value::keyword("tree")).and_then(Value::as_tree);
+        let saved = tree.map(|tree| vm::persist::tree(&self.session.machine.program, tree));
+        let report = self.session.as_json(&value);
+        let why = report["why"].as_str().map(str::to_string);
+        let mut edits = Edits { rehearsed: true, why, ..Edits::default() };
+        for step in list(&report["steps"]).unwrap_or_default() {
+            let word = |key: &str| step[key].as_str().unwrap_or_default().to_string();
+            match step["verdict"] == "accepted" {
+                true => edits.kept.extend(texts(&step["edits"]).unwrap_or_default()),
+                false => edits.refused.push([word("transformation"), word("check"), word("why")]),
+            }
+        }
+        let saved = saved.filter(|_| !edits.kept.is_empty());
+        Ok((edits, saved))
+    }
+
+    /// One run of a variant in a case.
+    ///
+    /// # Errors
+    /// A failure that is none of the plan's, as text, or that it was stopped.
+    pub fn run(
+        &mut self,
+        experiment: (usize, &Experiment),
+        (case, variant, seed): (usize, usize, u64),
+        tree: Option<&SavedTree>,
+    ) -> Result<Run, Stop> {
+        let (at, it) = experiment;
+        let tree = match (tree, self.trees.get(&(at, it.cell(case, variant)))) {
+            (None, _) => Value::NIL,
+            (Some(_), Some(known)) => known.clone(),
+            (Some(saved), None) => {
+                let tree = self.session.restored(saved).map_err(|why| Stop::of(&self.session, why))?;
+                self.trees.insert((at, it.cell(case, variant)), tree.clone());
+                tree
+            }
+        };
+        let seed_value = Value::int(i64::try_from(seed).unwrap_or(i64::MAX));
+        let given = vec![self.experiments[at].clone(), index(case), index(variant), seed_value, tree];
+        let value = self.call(self.run, given).map_err(|stop| match stop {
+            Stop::Because(why) => Stop::Because(format!(
+                "the run of {} under seed {seed} could not be measured: {why}",
+                it.variants[variant].name
+            )),
+            stop => stop,
+        })?;
+        let json = self.session.as_json(&value);
+        let text = |key: &str| json[key].as_str().unwrap_or_default().to_string();
+        let numbers: Vec<Option<f64>> =
+            list(&json["numbers"]).unwrap_or_default().iter().map(Json::as_f64).collect();
+        Ok(Run {
+            case,
+            variant,
+            seed,
+            status: text("status"),
+            success: json["success"] == true,
+            why: text("why"),
+            numbers,
+        })
+    }
+
+    fn call(&mut self, function: FnId, args: Vec<Value>) -> Result<Value, Stop> {
+        match self.session.call_until(function, args, &mut self.quiet) {
+            Progress::Ended(Ok(value)) => Ok(value),
+            Progress::Ended(Err(failure)) => Err(render::failure(&self.session.files, &failure).into()),
+            Progress::Stopped => Err(Stop::Asked),
+        }
+    }
+}
+
+fn index(n: usize) -> Value {
+    Value::int(i64::try_from(n).unwrap_or(i64::MAX))
+}
+
+impl Stop {
+    /// Why a program was not loaded, as text.
+    fn of(session: &Session, why: NoRehearsal) -> Stop {
+        match why {
+            NoRehearsal::Because(why) => Stop::Because(why),
+            NoRehearsal::Stopped | NoRehearsal::NotLoaded(Ended::Stopped) => Stop::Asked,
+            NoRehearsal::Failed(failure)
+            | NoRehearsal::NotLoaded(Ended::NotLoaded(failure) | Ended::Ran(Err(failure))) => {
+                Stop::Because(render::failure(&session.files, &failure))
+            }
+            NoRehearsal::NotLoaded(Ended::Errors(reports)) => {
+                let wrong = reports.iter().filter(|it| !Report::is_warning(it));
+                Stop::Because(wrong.map(|report| session.report(report)).collect())
+            }
+            NoRehearsal::NotLoaded(Ended::Ran(Ok(_))) => Stop::Because("the program was not loaded".into()),
+        }
+    }
+}
