@@ -49,7 +49,16 @@ enum Wrong {
 #[test]
 fn examples_in_docstrings_give_what_they_say() {
     let mut session = Session::new(Options::default());
-    for module in ["world", "location", "action", "pick-place", "statistics", "transformation", "household"] {
+    for module in [
+        "world",
+        "location",
+        "action",
+        "pick-place",
+        "statistics",
+        "transformation",
+        "household",
+        "experiment",
+    ] {
         let used = evaluate(&mut session, &format!("(use {module})"));
         assert!(used.is_ok(), "{module} is a module of the library");
     }

@@ -3,7 +3,7 @@
 //! [`run`] runs the programs under `run/`, each also under the [`treatments`]; [`diagnostics`]
 //! the mistakes under `diagnostics/`; [`docs`] all programs in documents and docstrings;
 //! [`clauses`] prints rules as the machine gets them; [`written`] reads back random values, [`saved`] trees of runs; [`limits`] what needs a program too large to be written; [`arrows`] reads the manifests.
-//! [`store`] kills and resumes runs; [`transport`] runs robots over many seeds.
+//! [`store`] kills and resumes runs; [`evaluate`] makes tables of many; [`transport`] runs robots over many seeds.
 //! Only [`program`] knows how a program is loaded and run.
 //!
 //! `UPDATE_EXPECT=1` writes what came out over what was expected: read the difference.
@@ -16,6 +16,7 @@ mod concurrency;
 mod diagnostics;
 mod dice;
 mod docs;
+mod evaluate;
 mod expected;
 mod fluents;
 mod fuzz_regressions;

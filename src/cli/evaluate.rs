@@ -151,8 +151,7 @@ pub fn run(it: &Evaluate) -> Answer {
         experiment.seed = it.seed.unwrap_or(experiment.seed);
         let folder = it.show.out.as_ref().map(|out| folder_of(out, it.shard, &experiment));
         let file = program.file.file_name().map_or(String::new(), |name| name.to_string_lossy().into_owned());
-        let head =
-            Head { experiment, program: fingerprint.clone(), file, edits: Vec::new(), shard: it.shard };
+        let head = Head::new(experiment, fingerprint.clone(), file, it.shard);
         let bar = Bar::new(&head.experiment.name);
         let ended = evaluate(&program, (at, head), threads, folder.as_deref(), &bar);
         bar.bar.finish_and_clear();

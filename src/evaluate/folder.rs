@@ -37,8 +37,8 @@ pub struct Head {
     pub program: String,
     /// The name of the plan file, for people.
     pub file: String,
-    /// For each cell its edits, once they are known.
-    pub edits: Vec<Edits>,
+    /// For each cell its edits, once it has been rehearsed.
+    pub edits: Vec<Option<Edits>>,
     /// Which shard of how many this is.
     pub shard: Option<(u64, u64)>,
 }
@@ -63,18 +63,22 @@ impl Head {
             json[key] = value.clone();
         }
         json["runs"] = json!(self.experiment.runs);
-        json["edits"] = self.edits.iter().map(Edits::to_json).collect();
+        json["edits"] = self.edits.iter().map(|it| it.as_ref().map_or(Json::Null, Edits::to_json)).collect();
         json
     }
 
     fn from_json(json: &Json) -> Option<Head> {
         let experiment = Experiment::from_json(json, json["runs"].as_u64()?)?;
-        let edits: Vec<Edits> = list(&json["edits"])?.iter().map(Edits::from_json).collect::<Option<_>>()?;
+        let edits = list(&json["edits"])?.iter().map(|it| match it {
+            Json::Null => Some(None),
+            it => Edits::from_json(it).map(Some),
+        });
+        let edits: Vec<Option<Edits>> = edits.collect::<Option<_>>()?;
         let shard = match json["shard"].as_str() {
             None => None,
             Some(text) => Some(shard(text).ok()?),
         };
-        let fits = edits.is_empty() || edits.len() == experiment.cells();
+        let fits = edits.len() == experiment.cells();
         let text = |key: &str| json[key].as_str().map(str::to_string);
         Some(Head { program: text("program")?, file: text("file")?, experiment, edits, shard })
             .filter(|_| fits)
@@ -87,6 +91,18 @@ impl Head {
             ["experiment", "plan", "factors", "cases", "variants", "measures", "seed", "accept", "seeds"];
         let named = what.into_iter().find(|key| one[*key] != two[*key]);
         named.or((self.program != other.program).then_some("program, or the library,"))
+    }
+
+    /// What is wanted, before anything of it is done.
+    #[must_use]
+    pub fn new(experiment: Experiment, program: String, file: String, shard: Option<(u64, u64)>) -> Head {
+        Head { program, file, edits: vec![None; experiment.cells()], experiment, shard }
+    }
+
+    /// The cells that have not been rehearsed.
+    #[must_use]
+    pub fn unknown(&self) -> Vec<usize> {
+        (0..self.edits.len()).filter(|cell| self.edits[*cell].is_none()).collect()
     }
 
     /// Is this seed one of the shard?
@@ -103,11 +119,15 @@ impl Head {
         let seeds = (it.seed..it.seed.saturating_add(it.runs)).filter(|seed| self.is_mine(*seed));
         let cells = (0..it.cases.len()).flat_map(|case| (0..it.variants.len()).map(move |at| (case, at)));
         let runs = |(case, variant)| {
-            let edits = &self.edits[it.cell(case, variant)];
-            edits.why.is_none() && !edits.is_void()
+            self.edits[it.cell(case, variant)].as_ref().is_some_and(|it| it.why.is_none() && !it.is_void())
         };
         let cells: Vec<_> = cells.filter(|cell| runs(*cell)).collect();
         seeds.flat_map(|seed| cells.iter().map(move |(case, variant)| (*case, *variant, seed))).collect()
+    }
+
+    fn tree_of(&self, cell: usize) -> String {
+        let variants = self.experiment.variants.len();
+        self.tree_name(cell / variants, cell % variants)
     }
 
     /// The name of the tree of a cell in the store.
@@ -309,45 +329,38 @@ impl Folder {
         write_whole(&self.path.join(HEAD), format!("{text}\n").as_bytes())
     }
 
-    /// Keeps the edits of all cells, with the trees that carry them.
+    /// Keeps the edits of a cell, with the tree that carries them.
     ///
     /// # Errors
     /// They cannot be written.
-    pub fn set_edits(&mut self, edits: Vec<Edits>, trees: &[Option<SavedTree>]) -> Result<(), String> {
+    pub fn set_edits(&mut self, cell: usize, edits: Edits, tree: Option<&SavedTree>) -> Result<(), String> {
         let path = self.path.join(TREES);
         let said = |error: StoreError| error.to_string();
-        for (cell, tree) in trees.iter().enumerate() {
-            let Some(tree) = tree else { continue };
-            let variants = self.head.experiment.variants.len();
-            let name = self.head.tree_name(cell / variants, cell % variants);
-            let known = Store::read(&path).and_then(|store| store.version(&name, Some(1)));
-            if known.is_err() {
-                Writer::put(Store::write(&path).map_err(said)?, &name, None, tree, "evaluate")
-                    .map_err(said)?;
-            }
+        let name = self.head.tree_of(cell);
+        if let Some(tree) = tree
+            && Store::read(&path).and_then(|store| store.version(&name, Some(1))).is_err()
+        {
+            Writer::put(Store::write(&path).map_err(said)?, &name, None, tree, "evaluate").map_err(said)?;
         }
-        self.head.edits = edits;
+        self.head.edits[cell] = Some(edits);
         self.write_head()
     }
 
-    /// The trees of all cells that have one; nothing if they are not all there.
-    #[must_use]
-    pub fn trees(&self) -> Option<Vec<Option<SavedTree>>> {
-        if self.head.edits.is_empty() {
-            return None;
+    /// The tree of a cell whose edits are known; nothing if it has none.
+    ///
+    /// # Errors
+    /// It should be there and cannot be read.
+    pub fn tree(&self, cell: usize) -> Result<Option<SavedTree>, String> {
+        if self.head.edits[cell].as_ref().is_none_or(|it| it.kept.is_empty()) {
+            return Ok(None);
         }
-        let variants = self.head.experiment.variants.len();
-        let tree = |(cell, edits): (usize, &Edits)| {
-            if edits.kept.is_empty() {
-                return Some(None);
-            }
-            let store = Store::read(&self.path.join(TREES)).ok()?;
+        let path = self.path.join(TREES);
+        let read = || {
+            let store = Store::read(&path)?;
             // Who has run such a tree by hand has made more versions of it.
-            let version =
-                store.version(&self.head.tree_name(cell / variants, cell % variants), Some(1)).ok()?;
-            store.tree(&version).ok().map(Some)
+            store.tree(&store.version(&self.head.tree_of(cell), Some(1))?)
         };
-        self.head.edits.iter().enumerate().map(tree).collect()
+        read().map(Some).map_err(|error: StoreError| error.to_string())
     }
 
     /// Keeps a run.

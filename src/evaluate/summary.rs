@@ -138,7 +138,7 @@ impl Table {
             let column = |variant: usize| {
                 let cell = it.cell(case, variant);
                 let first = (variant > 0).then_some(first);
-                let edits = head.edits.get(cell).unwrap_or(&nothing);
+                let edits = head.edits[cell].as_ref().unwrap_or(&nothing);
                 Column::of(it, &it.variants[variant].name, edits, &groups[cell], first)
             };
             Case { text: it.case_text(case), variants: (0..it.variants.len()).map(column).collect() }
@@ -146,7 +146,7 @@ impl Table {
         let mut table = Table {
             experiment: it.clone(),
             cases: cases.collect(),
-            wanted: if head.edits.is_empty() { 0 } else { head.wanted().len() },
+            wanted: head.wanted().len(),
             done: runs.len(),
         };
         table.correct();

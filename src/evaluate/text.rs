@@ -54,6 +54,9 @@ fn of_case(case: &Case, it: &Experiment) -> String {
     rows.push(vec!["success".into()]);
     rows.extend(case.variants.iter().filter(|it| it.runs > 0).map(success));
     for (at, name) in it.measures.iter().enumerate() {
+        if is_void(case, at) {
+            continue;
+        }
         rows.push(vec![safe(name)]);
         let places = places_of(&case.variants, at);
         rows.extend(case.variants.iter().filter(|it| it.runs > 0).map(|column| measure(column, at, places)));
@@ -63,6 +66,11 @@ fn of_case(case: &Case, it: &Experiment) -> String {
         out += &remarks(column, first);
     }
     out
+}
+
+/// True of a number that is 0 in all runs: a plan without a robot drives no metres.
+fn is_void(case: &Case, at: usize) -> bool {
+    case.variants.iter().flat_map(|it| &it.measures[at].all.values).all(|it| *it == 0.0)
 }
 
 fn success(column: &Column) -> Vec<String> {
@@ -163,7 +171,7 @@ fn remarks(column: &Column, first: &str) -> String {
         let why = why.map_or("no transformation applies".into(), |[name, check, why]| {
             format!("{} was refused ({}): {}", safe(name), safe(check), safe(&cut(why)))
         });
-        out += &format!("  {name} is {}: {why}\n", safe(first));
+        out += &format!("  {name} runs as {}: {why}\n", safe(first));
     }
     for (why, n) in column.whys.iter().take(MOST_WHYS) {
         let why = if why.is_empty() { "it says nothing".into() } else { safe(&cut(why)) };

@@ -7,7 +7,7 @@ use vm::persist::SavedTree;
 use super::folder::{Folder, Head, Runs};
 use super::spread::spread;
 use super::worker::{Program, Worker};
-use super::{Edits, Run, Stop};
+use super::{Run, Stop};
 
 /// Who watches an evaluation, and may stop it.
 pub trait Watch: Sync {
@@ -49,20 +49,14 @@ pub fn evaluate(
             (Some(folder), runs, head)
         }
     };
-    let trees = match folder.as_ref().and_then(Folder::trees) {
-        Some(trees) => trees,
-        None => {
-            let (edits, trees) = match rehearse(program, (at, &head), threads, watch) {
-                Err(Stop::Asked) => return Ok(Evaluated { head, runs, stopped: true }),
-                rehearsed => rehearsed?,
-            };
-            if let Some(folder) = &mut folder {
-                folder.set_edits(edits.clone(), &trees)?;
-            }
-            head.edits = edits;
-            trees
-        }
-    };
+    let mut trees = Vec::new();
+    for cell in 0..head.experiment.cells() {
+        trees.push(folder.as_ref().map_or(Ok(None), |folder| folder.tree(cell))?);
+    }
+    match rehearse(program, (at, &mut head), threads, folder.as_mut(), &mut trees, watch) {
+        Err(Stop::Asked) => return Ok(Evaluated { head, runs, stopped: true }),
+        rehearsed => rehearsed?,
+    }
     let it = &head.experiment;
     let wanted = head.wanted();
     let missing: Vec<_> = wanted
@@ -95,28 +89,34 @@ pub fn evaluate(
     Ok(Evaluated { head, runs, stopped: false })
 }
 
-/// Rehearses all variants in all cases.
+/// Rehearses the variants in all cases in which that has not been done.
 fn rehearse(
     program: &Program,
-    (at, head): (usize, &Head),
+    (at, head): (usize, &mut Head),
     threads: usize,
+    mut folder: Option<&mut Folder>,
+    trees: &mut [Option<SavedTree>],
     watch: &dyn Watch,
-) -> Result<(Vec<Edits>, Vec<Option<SavedTree>>), Stop> {
-    let it = &head.experiment;
+) -> Result<(), Stop> {
+    let unknown = head.unknown();
+    let it = head.experiment.clone();
     let variants = it.variants.len();
-    let mut all = vec![(Edits::default(), None); it.cells()];
-    watch.begins("rehearsals", 0, it.cells());
+    watch.begins("rehearsals", it.cells() - unknown.len(), it.cells());
     spread(
         program,
         threads,
-        it.cells(),
+        unknown.len(),
         &|| watch.goes_on(),
-        |worker, cell| worker.rehearse((at, it), cell / variants, cell % variants),
-        |cell, rehearsed| {
+        |worker, job| worker.rehearse((at, &it), unknown[job] / variants, unknown[job] % variants),
+        |job, (edits, tree)| {
             watch.did();
-            all[cell] = rehearsed;
+            let cell = unknown[job];
+            if let Some(folder) = &mut folder {
+                folder.set_edits(cell, edits.clone(), tree.as_ref())?;
+            }
+            head.edits[cell] = Some(edits);
+            trees[cell] = tree;
             Ok(())
         },
-    )?;
-    Ok(all.into_iter().unzip())
+    )
 }

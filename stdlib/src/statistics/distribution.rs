@@ -12,7 +12,7 @@ use super::MOST_TRIALS;
 pub const Z_95: f64 = 1.959_963_984_540_054;
 
 /// So many digits of a result are kept.
-pub const DIGITS: usize = 12;
+pub const DIGITS: usize = 10;
 
 fn rounded(x: f64) -> Option<f64> {
     format!("{x:.*e}", DIGITS - 1).parse().ok().filter(|it: &f64| !it.is_nan())
