@@ -14,7 +14,7 @@ use std::collections::BTreeMap;
 use std::rc::Rc;
 use std::sync::Arc;
 
-use nalgebra::{Isometry3, Vector3};
+use nalgebra::{Isometry3, Translation3, Vector3};
 
 use crate::belief::{Belief, Sight};
 use crate::motions::base::Maps;
@@ -25,6 +25,7 @@ use crate::nav::{Flood, Map, Place};
 use crate::record::{Done, End, Recording, Step};
 use crate::scene::{ContainerId, ObjectId, Scene};
 use crate::setting::{Machine, Setting};
+use crate::stands;
 use crate::state::{Around, State, Support};
 
 /// The random numbers of a simulation are others than those of its motion.
@@ -430,6 +431,7 @@ impl World {
         };
         self.costs += costs;
         self.renumber();
+        self.move_beliefs(&before);
         let ended = match over {
             false => Ended::Stopped,
             true => {
@@ -474,6 +476,29 @@ impl World {
     /// How a motion has ended, once.
     pub fn take_end(&mut self, number: u64) -> Option<Ended> {
         self.ended.remove(&number)
+    }
+
+    /// What the robot has seen in a drawer comes along with it.
+    fn move_beliefs(&mut self, before: &State) {
+        let setting = &before.setting;
+        for id in (0..setting.scene.containers.len()).map(ContainerId) {
+            let (from, to) = (before.opening(id), self.state.opening(id));
+            if from == to {
+                continue;
+            }
+            let moved = setting.container_pose(id, to) * setting.container_pose(id, from).inverse();
+            let comes_along = |object: ObjectId, sight: &Sight| {
+                let foot = sight.pose * Translation3::new(0.0, 0.0, setting.scene.kind_of(object).low.z);
+                match before.support_below(&foot.translation.vector, stands::ON_M, object) {
+                    Some((Support::Surface(on), _)) => setting.scene.surfaces[on.0].moves_with == Some(id),
+                    _ => false,
+                }
+            };
+            let seen = self.belief.seen.clone();
+            for (object, sight) in seen.into_iter().filter(|(object, sight)| comes_along(*object, sight)) {
+                self.belief.seen.insert(object, Sight { pose: moved * sight.pose, ..sight });
+            }
+        }
     }
 
     fn learn(&mut self, outcome: &Outcome, before: &State, now_ns: u64) {

@@ -3,9 +3,10 @@
 use std::sync::Arc;
 
 use expect_test::{Expect, expect};
-use nalgebra::{Isometry3, Vector3};
+use nalgebra::{Isometry3, Translation3, Vector3};
 
 use super::text;
+use crate::belief::Sight;
 use crate::motions::Surroundings;
 use crate::motions::hand::Target;
 use crate::motions::tool::ToolWay;
@@ -289,10 +290,15 @@ fn what_is_in_a_drawer_moves_with_it() {
     let mut errand = Errand::kitchen("pr2");
     let spoon = errand.object("spoon-1");
     let before = errand.world.state.object_pose(spoon);
+    // It has been seen, some millimetres beside where it is.
+    let seen = Translation3::new(0.004, -0.003, 0.005) * before;
+    errand.world.belief.seen.insert(spoon, Sight { pose: seen, at_s: 0.0 });
     errand = from_somewhere(&errand, (1.3, 2.5), WEST, |errand| open(errand, 0, "sink_drawer_top"))
         .unwrap_or_else(|why| panic!("{why}"));
     let moved = errand.world.state.object_pose(spoon).translation.vector - before.translation.vector;
     assert!((moved - Vector3::new(0.4, 0.0, 0.0)).norm() < 1e-9, "{moved}");
+    let believed = errand.world.belief.seen[&spoon].pose.translation.vector - seen.translation.vector;
+    assert!((believed - moved).norm() < 1e-9, "{believed}");
     errand.park().expect("the arms park");
     let taken = from_somewhere(&errand, (1.4, 2.5), WEST, |errand| {
         errand.try_motion(&Motion::MovingTorso(0.3))?;
