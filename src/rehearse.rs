@@ -207,7 +207,7 @@ impl Session {
     /// It cannot be read, has errors, or one of its forms failed.
     pub fn load_rules(&mut self, path: &Path, output: &mut dyn Output) -> Result<(), NoRehearsal> {
         let module = self.module;
-        let loaded = match path.to_str().filter(|_| !path.exists()) {
+        let loaded = match path.to_str().filter(|name| is_library(name) && !path.exists()) {
             Some(name) => self.load_text("library/rules.plan", &format!("(use {name})")),
             None => self.load_file(path)?,
         };
@@ -289,4 +289,10 @@ impl Output for Quiet<'_> {
     fn goes_on(&mut self) -> bool {
         self.0.goes_on()
     }
+}
+
+/// True of the name of a module of the library that has to be used to be there.
+#[must_use]
+pub fn is_library(name: &str) -> bool {
+    stdlib::PLANS.iter().any(|(module, _)| *module == name)
 }

@@ -453,6 +453,24 @@ impl Session {
         }
     }
 
+    /// That there is no plan of this name, and what could be meant.
+    #[must_use]
+    pub fn no_plan(&self, name: &str) -> (String, String) {
+        let module = self.front.modules.get(self.module);
+        let plans = module
+            .names
+            .iter()
+            .filter(|(_, it)| matches!(it.meaning, Meaning::Plan(..)))
+            .map(|(name, _)| name.as_str());
+        let plans: Vec<&str> = plans.take(20).collect();
+        let help = match (compiler::module::nearest(name, plans.iter().copied()), plans.as_slice()) {
+            (Some(near), _) => format!("did you mean `{near}`?"),
+            (None, []) => "the file defines no plan; define one: (def-plan main () …)".into(),
+            (None, plans) => format!("its plans are: {}", plans.join(" ")),
+        };
+        (format!("the program has no plan called `{}`", vm::show::safe(name)), help)
+    }
+
     /// Runs what a text gave: its top-level forms, then the plan. The tree is the machine's.
     pub fn run(&mut self, loaded: Loaded, plan: Option<&str>, output: &mut dyn Output) -> Ended {
         let call = plan.map(|name| format!("({name})"));

@@ -428,20 +428,8 @@ pub fn call(session: &Session, job: &Job) -> Result<Option<String>, Trouble> {
 }
 
 pub(super) fn no_plan(session: &Session, name: &str) -> Trouble {
-    use compiler::module::Meaning;
-    let module = session.front.modules.get(session.module);
-    let plans = module
-        .names
-        .iter()
-        .filter(|(_, it)| matches!(it.meaning, Meaning::Plan(..)))
-        .map(|(name, _)| name.as_str());
-    let plans: Vec<&str> = plans.take(20).collect();
-    let help = match (compiler::module::nearest(name, plans.iter().copied()), plans.as_slice()) {
-        (Some(near), _) => format!("did you mean `{near}`?"),
-        (None, []) => "the file defines no plan; define one: (def-plan main () …)".into(),
-        (None, plans) => format!("its plans are: {}", plans.join(" ")),
-    };
-    Trouble::new(format!("the program has no plan called `{}`", vm::show::safe(name)), help)
+    let (what, help) = session.no_plan(name);
+    Trouble::new(what, help)
 }
 
 /// Prints nowhere.

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use compiler::Report;
-use pleach::rehearse::{NoRehearsal, Rehearsal, Wishes};
+use pleach::rehearse::{NoRehearsal, Rehearsal, Wishes, is_library};
 use pleach::session::Output;
 use pleach::{Ended, Session};
 use serde_json::{Value as Json, json};
@@ -128,8 +128,7 @@ impl Rehearsing {
 
 /// The plan files of a folder by name, or the file or module of the library that was named.
 pub fn plan_files(path: &PathBuf) -> Result<Vec<PathBuf>, Trouble> {
-    let is_module = |name: &str| stdlib::MODULES.iter().any(|(module, _)| *module == name);
-    if path.is_file() || (!path.exists() && path.to_str().is_some_and(is_module)) {
+    if path.is_file() || (!path.exists() && path.to_str().is_some_and(is_library)) {
         return Ok(vec![path.clone()]);
     }
     let cannot = |error| format!("cannot read {}: {}", path.display(), pleach::files::why(&error));

@@ -305,7 +305,7 @@ impl Folder {
         }
         let runs_path = path.join(RUNS);
         let mut file = OpenOptions::new().create(true).append(true).open(&runs_path).map_err(cannot)?;
-        if file.try_lock().is_err() {
+        if store::lock_file(&file).is_err() {
             return Err(format!("another evaluation is writing into {}", path.display()));
         }
         let text = crate::files::read_text(&runs_path)?;

@@ -185,15 +185,14 @@ fn boxes(table: &Table, at: usize) -> Option<String> {
                 .collect(),
         })
         .collect();
-    let is_empty = groups.iter().flat_map(|group| &group.series).all(|series| series.values.is_empty());
-    (!is_empty).then(|| plot::boxes(&it.name, &unit(&it.measures[at]), &groups))
+    (!table.is_void(at)).then(|| plot::boxes(&it.name, &unit(&it.measures[at]), &groups))
 }
 
 fn curves(table: &Table, at: usize) -> Option<String> {
     let it = &table.experiment;
     let [factor] = it.factors.as_slice() else { return None };
     let xs: Vec<f64> = it.cases.iter().map(|case| case[0].parse().ok()).collect::<Option<_>>()?;
-    if xs.len() < 2 {
+    if xs.len() < 2 || table.is_void(at) {
         return None;
     }
     let curve = |variant: usize| {
@@ -216,7 +215,7 @@ fn curves(table: &Table, at: usize) -> Option<String> {
 fn html(table: &Table) -> String {
     let it = &table.experiment;
     let mut sections = vec![success(table)];
-    for (at, name) in it.measures.iter().enumerate() {
+    for (at, name) in it.measures.iter().enumerate().filter(|(at, _)| !table.is_void(*at)) {
         let pictures = [boxes(table, at), curves(table, at)];
         sections.push(Section {
             heading: name.clone(),

@@ -63,19 +63,22 @@ pub fn spread<T: Send>(
             }
         }
         drop(sender);
-        let mut first = Ok(());
+        let mut first: Option<(usize, Stop)> = None;
         let mut done = 0;
         for (job, result) in results {
-            let taken = result.and_then(|it| take(job, it));
-            done += usize::from(taken.is_ok());
-            if let (Err(stop), true) = (taken, first.is_ok()) {
-                stopped.store(true, Ordering::Relaxed);
-                first = Err(stop);
+            match result.and_then(|it| take(job, it)) {
+                Ok(()) => done += 1,
+                Err(stop) => {
+                    stopped.store(true, Ordering::Relaxed);
+                    // All jobs before a job have been begun before it, so the first error is the same however they run.
+                    first = first.take().filter(|(other, _)| *other < job).or(Some((job, stop)));
+                }
             }
         }
         match first {
-            Ok(()) if done < count => Err(Stop::Asked),
-            first => first,
+            Some((_, stop)) => Err(stop),
+            None if done < count => Err(Stop::Asked),
+            None => Ok(()),
         }
     })
 }

@@ -153,6 +153,13 @@ impl Table {
         table
     }
 
+    /// True of a number that is 0 in all runs: a plan without a robot drives no metres.
+    #[must_use]
+    pub fn is_void(&self, at: usize) -> bool {
+        let columns = self.cases.iter().flat_map(|case| &case.variants);
+        columns.flat_map(|it| &it.measures[at].all.values).all(|it| *it == 0.0)
+    }
+
     /// Corrects the p of all tests, for the more is tested the more is found.
     fn correct(&mut self) {
         let columns = self.cases.iter_mut().flat_map(|case| &mut case.variants);

@@ -3,7 +3,6 @@
 use stdlib::statistics::Interval;
 use vm::show::safe;
 
-use super::Experiment;
 use super::summary::{Case, Column, Comparison, Success, Table};
 
 /// Reasons that are shown for each variant.
@@ -22,7 +21,7 @@ pub fn text(table: &Table) -> String {
         if !case.text.is_empty() {
             out += &format!("\n{}\n", safe(&case.text));
         }
-        out += &of_case(case, &table.experiment);
+        out += &of_case(case, table);
     }
     out += "\np: Student's paired test; of success McNemar's exact one. --json and the report have Welch's, Wilcoxon's and Fisher's tests,\n";
     out += "corrections for many tests, and effect sizes.\n";
@@ -47,14 +46,15 @@ pub fn heading(table: &Table) -> String {
     format!("{}\nplan {} · {runs}{partial}", safe(&title), safe(&it.plan))
 }
 
-fn of_case(case: &Case, it: &Experiment) -> String {
+fn of_case(case: &Case, table: &Table) -> String {
+    let it = &table.experiment;
     let first = case.variants.first().map_or("", |it| it.name.as_str());
     let mut rows = vec![HEAD.map(str::to_string).to_vec()];
     rows[0][4] = format!("against {}", safe(first));
     rows.push(vec!["success".into()]);
     rows.extend(case.variants.iter().filter(|it| it.runs > 0).map(success));
     for (at, name) in it.measures.iter().enumerate() {
-        if is_void(case, at) {
+        if table.is_void(at) {
             continue;
         }
         rows.push(vec![safe(name)]);
@@ -66,11 +66,6 @@ fn of_case(case: &Case, it: &Experiment) -> String {
         out += &remarks(column, first);
     }
     out
-}
-
-/// True of a number that is 0 in all runs: a plan without a robot drives no metres.
-fn is_void(case: &Case, at: usize) -> bool {
-    case.variants.iter().flat_map(|it| &it.measures[at].all.values).all(|it| *it == 0.0)
 }
 
 fn success(column: &Column) -> Vec<String> {

@@ -8,7 +8,7 @@ use serde_json::Value as Json;
 use vm::code::FnId;
 use vm::machine::Progress;
 use vm::persist::SavedTree;
-use vm::value::{Imm, Value};
+use vm::value::{Imm, Symbol, Value};
 
 use super::{Edits, Experiment, Run, Stop, list, texts};
 use crate::rehearse::NoRehearsal;
@@ -46,6 +46,7 @@ pub struct Program {
 pub struct Worker<'a> {
     session: Session,
     experiments: Vec<Value>,
+    describe: FnId,
     rehearse: FnId,
     run: FnId,
     /// The trees of variants, by experiment and cell.
@@ -79,34 +80,51 @@ impl<'a> Worker<'a> {
         for rules in &program.rules {
             session.load_rules(rules, &mut quiet).map_err(|why| said(&session, why))?;
         }
-        let plan = program.plan.as_deref();
-        let own = match plan.map(|name| (name, session.plan(name))) {
-            Some((name, None)) => return Err(format!("the program has no plan called `{name}`").into()),
-            Some((name, Some(plan))) => {
-                let args = session.arguments(&program.args, &mut quiet).map_err(|why| said(&session, why))?;
-                vec![Value::symbol(name), Value::Imm(Imm::Function(plan)), args]
-            }
-            None => Vec::new(),
-        };
+        let module = session.module;
         let stage = session.load_text("library/evaluation.plan", STAGE);
         session.load_quietly(stage, &mut quiet).map_err(|why| said(&session, why))?;
         let function = |name: &str| {
             session.plan(name).ok_or_else(|| Stop::Because("the library cannot be loaded".into()))
         };
         let (rehearse, run) = (function("%rehearsed")?, function("%ran")?);
-        let find = function("%experiments")?;
+        let (find, describe) = (function("%experiments")?, function("%described")?);
+        session.module = module;
+        let trees = BTreeMap::new();
+        let mut it = Worker { session, experiments: Vec::new(), describe, rehearse, run, trees, quiet };
+        let own = match &program.plan {
+            Some(plan) => it.own(plan, &program.args)?,
+            None => Value::NIL,
+        };
+        it.experiments = it.find(find, own, program)?;
+        if it.experiments.is_empty() && it.session.plan("main").is_some() {
+            let main = it.own("main", &[])?;
+            it.experiments = it.find(find, main, program)?;
+        }
+        Ok(it)
+    }
+
+    /// A plan of the file, with its arguments: name, plan, values.
+    fn own(&mut self, name: &str, args: &[String]) -> Result<Value, Stop> {
+        let plan = self.session.plan(name).ok_or_else(|| {
+            let (what, help) = self.session.no_plan(name);
+            Stop::Because(format!("{what}\n  help: {help}"))
+        })?;
+        let args = self.session.arguments(args, &mut self.quiet);
+        let args = args.map_err(|why| Stop::of(&self.session, why))?;
+        Ok(Value::list([Value::symbol(name), Value::Imm(Imm::Function(plan)), args]))
+    }
+
+    /// The experiments of the program, or of a plan of its `own`, with what is said about them from outside.
+    fn find(&mut self, find: FnId, own: Value, program: &Program) -> Result<Vec<Value>, Stop> {
         let variants = program.variants.iter().map(|name| Value::symbol(name));
         let seeds = program.seeds.map_or(Value::NIL, |n| Value::int(i64::try_from(n).unwrap_or(i64::MAX)));
         let given = vec![
-            Value::list(own),
+            own,
             Value::list(variants.collect::<Vec<_>>()),
             program.accept.as_deref().map_or(Value::NIL, Value::symbol),
             seeds,
         ];
-        let trees = BTreeMap::new();
-        let mut it = Worker { session, experiments: Vec::new(), rehearse, run, trees, quiet };
-        it.experiments = it.call(find, given)?.to_vec().unwrap_or_default();
-        Ok(it)
+        Ok(self.call(find, given)?.to_vec().unwrap_or_default())
     }
 
     /// The experiments, in their order.
@@ -114,10 +132,9 @@ impl<'a> Worker<'a> {
     /// # Errors
     /// One of them cannot be understood.
     pub fn experiments(&mut self) -> Result<Vec<Experiment>, Stop> {
-        let Some(describe) = self.session.plan("%described") else { return Ok(Vec::new()) };
         let all = self.experiments.clone();
         let described = all.into_iter().map(|it| {
-            let json = self.call(describe, vec![it])?;
+            let json = self.call(self.describe, vec![it])?;
             let json = self.session.as_json(&json);
             let runs = json["runs"].as_u64();
             let wrong = || {
@@ -217,9 +234,24 @@ impl<'a> Worker<'a> {
     fn call(&mut self, function: FnId, args: Vec<Value>) -> Result<Value, Stop> {
         match self.session.call_until(function, args, &mut self.quiet) {
             Progress::Ended(Ok(value)) => Ok(value),
-            Progress::Ended(Err(failure)) => Err(render::failure(&self.session.files, &failure).into()),
+            Progress::Ended(Err(failure)) => Err(Stop::Because(said(&self.session, &failure))),
             Progress::Stopped => Err(Stop::Asked),
         }
+    }
+}
+
+/// What failures of these types say is meant for people, and the places that they come from are the library's.
+const PLAIN: [&str; 2] = ["experiment-failure", "transformation-failure"];
+
+fn said(session: &Session, failure: &Value) -> String {
+    let types = &session.machine.program.failures;
+    let plain = failure
+        .as_failure()
+        .filter(|it| PLAIN.iter().any(|name| types.is_named(it.kind, Symbol::from(name))));
+    let fields = plain.map_or(&[][..], |it| &it.fields);
+    match fields.iter().find(|(field, _)| *field == "message").and_then(|(_, value)| value.as_str()) {
+        Some(message) => message.to_string(),
+        None => render::failure(&session.files, failure),
     }
 }
 
@@ -235,7 +267,7 @@ impl Stop {
             NoRehearsal::Stopped | NoRehearsal::NotLoaded(Ended::Stopped) => Stop::Asked,
             NoRehearsal::Failed(failure)
             | NoRehearsal::NotLoaded(Ended::NotLoaded(failure) | Ended::Ran(Err(failure))) => {
-                Stop::Because(render::failure(&session.files, &failure))
+                Stop::Because(said(session, &failure))
             }
             NoRehearsal::NotLoaded(Ended::Errors(reports)) => {
                 let wrong = reports.iter().filter(|it| !Report::is_warning(it));

@@ -161,6 +161,7 @@ Commands:
   query      Ask the rules of a file, over its facts and over task trees
   tree       Look at the trees of a store: list, show, compare
   transform  Rehearse a plan, and rewrite it where that pays
+  evaluate   Run experiments: variants of a plan under many seeds, compared
   store      Check, export, import and empty stores
   repl       Try forms by hand
   check      Say all that is wrong with files, without running them

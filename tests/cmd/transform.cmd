@@ -99,11 +99,14 @@ error: the rehearsal failed
  154 │         (unless (member name names)
  155 │ ╭─▶       (fail transformation-failure
  156 │ │               :name name
- 157 │ │               :message (format "there is no transformation ~a; there are: ~a"
- 158 │ │                                name
- 159 │ ├─▶                              (string-join (map symbol->string names) " "))))
+ 157 │ │               :message (if names
+ 158 │ │                            (format "there is no transformation ~a; there are: ~a"
+ 159 │ │                                    name
+ 160 │ │                                    (string-join (map symbol->string names) " "))
+ 161 │ │                            (format "there is no transformation ~a, for none is loaded; those of the library are by (use household)"
+ 162 │ ├─▶                                  name))))
      · ╰──── failed here
- 160 │         name))
+ 163 │         name))
      ╰────
 --- exit 2
 $ pleach transform day.plan --list
@@ -236,15 +239,15 @@ $ pleach transform circle.plan --list
   × transformation-failure: the priorities go in a circle: a before b before a
   │ in top-level
   │ name: a
-     ╭─[library/transformation.plan:222:10]
- 221 │            (let ((name (get (first left) :name)))
- 222 │ ╭─▶          (fail transformation-failure
- 223 │ │                  :name name
- 224 │ │                  :message (format "the priorities go in a circle: ~a"
- 225 │ │                                   (string-join (map symbol->string (%circle name before nil))
- 226 │ ├─▶                                              " before "))))))))
+     ╭─[library/transformation.plan:225:10]
+ 224 │            (let ((name (get (first left) :name)))
+ 225 │ ╭─▶          (fail transformation-failure
+ 226 │ │                  :name name
+ 227 │ │                  :message (format "the priorities go in a circle: ~a"
+ 228 │ │                                   (string-join (map symbol->string (%circle name before nil))
+ 229 │ ├─▶                                              " before "))))))))
      · ╰──── failed here
- 227 │     
+ 230 │     
      ╰────
 --- exit 2
 $ pleach transform fails.plan
@@ -336,11 +339,11 @@ $ pleach transform day.plan --plan nap --arg 1
 error: the rehearsal failed
   × arity-error: `nap` takes 0 arguments, got 1
   │ in top-level
-     ╭─[library/transformation.plan:469:3]
- 468 │ (def-fun %run (state tree seed)
- 469 │   (project (get state :plan) :args (get state :args) :tree tree :seed seed))
+     ╭─[library/transformation.plan:472:3]
+ 471 │ (def-fun %run (state tree seed)
+ 472 │   (project (get state :plan) :args (get state :args) :tree tree :seed seed))
      ·   ────────────────────────────────────┬────────────────────────────────────
      ·                                       ╰── failed here
- 470 │ 
+ 473 │ 
      ╰────
 --- exit 2

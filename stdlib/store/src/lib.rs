@@ -23,6 +23,6 @@ mod tests;
 mod write;
 
 pub use error::StoreError;
-pub use open::{Store, is_store};
+pub use open::{Store, is_store, lock_file};
 pub use read::{Finding, RunRow, VersionRow};
 pub use write::{Begin, Decision, Fault, Import, Source, Writer, own_name};

@@ -1,6 +1,6 @@
 //! Opening a store, with nothing believed that its file says.
 
-use std::fs::File;
+use std::fs::{File, TryLockError};
 use std::io::Read as _;
 use std::path::{Path, PathBuf};
 
@@ -176,11 +176,29 @@ fn lock(path: &Path) -> Result<File, StoreError> {
     let beside = beside(path, "-writer");
     let file = File::options().create(true).truncate(false).write(true).open(&beside);
     let file = file.map_err(|error| unreachable_file(path, true, &error))?;
-    match file.try_lock() {
+    match lock_file(&file) {
         Ok(()) => Ok(file),
-        Err(std::fs::TryLockError::WouldBlock) => Err(StoreError::Busy { path: path.into() }),
-        Err(std::fs::TryLockError::Error(error)) => Err(unreachable_file(path, true, &error)),
+        Err(TryLockError::WouldBlock) => Err(StoreError::Busy { path: path.into() }),
+        Err(TryLockError::Error(error)) => Err(unreachable_file(path, true, &error)),
     }
+}
+
+/// Locks a file for this process, or says that another one holds it. A process that is just being made holds the locks of the one
+/// that makes it until it has become another program, so there are some tries.
+///
+/// # Errors
+/// Another process holds the lock, or the system has none.
+pub fn lock_file(file: &File) -> Result<(), TryLockError> {
+    const TRIES: u32 = 20;
+    let mut result = file.try_lock();
+    for _ in 1..TRIES {
+        if !matches!(result, Err(TryLockError::WouldBlock)) {
+            break;
+        }
+        std::thread::sleep(std::time::Duration::from_millis(10));
+        result = file.try_lock();
+    }
+    result
 }
 
 fn beside(path: &Path, ending: &str) -> PathBuf {
