@@ -2,7 +2,7 @@
 
 use std::cell::Cell;
 
-use crate::code::{FormKind, Pc, Program, RoundKey, SiteId};
+use crate::code::{FormKind, FormRange, Pc, Program, RoundKey, SiteId};
 use crate::edit::What;
 use crate::host::Host;
 use crate::key::{Element, Step};
@@ -301,10 +301,11 @@ impl Run {
             let Some(act) = act else { continue };
             let forms: Vec<_> =
                 act.forms(program).take_while(|(form, _)| at != level || *form != common).collect();
-            // Variables that the call's part of the common form only uses stay those of the frame.
+            // Variables that the call's part of the common form only uses stay those of the frame. A round of a
+            // loop has its element and its key for itself.
             let shared = match forms.last() {
                 _ if at != level => 0,
-                Some((_, part)) => part.registers,
+                Some((_, part)) => part.key().map_or(part.registers, RoundKey::register),
                 None => u8::MAX,
             };
             let registers = self.registers_of(act.task, act.base as usize);
@@ -314,10 +315,11 @@ impl Run {
                         .map(|context| Context { shared: context.shared.min(shared), ..context }),
                 );
             }
-            for (form, it) in forms {
+            for &(form, it) in &forms {
                 let FormKind::Guarded { handler, failure } = it.kind else { continue };
                 let Some(owner) = program.function_at(it.start) else { continue };
-                let registers = registers[..program.functions[owner.at()].registers as usize].to_vec();
+                let mut registers = registers[..program.functions[owner.at()].registers as usize].to_vec();
+                leave_loops(&forms, &mut registers);
                 // The clauses are the form that begins at the handler.
                 let mut around = program.forms_outward(program.form_at(owner, handler));
                 let clauses = around.find(|(_, form)| matches!(form.kind, FormKind::Clauses { .. }));
@@ -341,6 +343,18 @@ impl Run {
             context.registers[..shared].clone_from_slice(&live[..shared]);
             context
         })
+    }
+}
+
+/// Loops go on while a handler is kept for later: in its own registers they stand in the round of the call.
+fn leave_loops(forms: &[(u32, &FormRange)], registers: &mut [Value]) {
+    for (_, form) in forms {
+        let Some(RoundKey::Element(register)) = form.key() else { continue };
+        let [_, rest, ranks] = &mut registers[register as usize..][..3] else { continue };
+        if let Some(Obj::Ranks(it)) = ranks.obj() {
+            *ranks = Value::new(Obj::Ranks(Box::new(it.left_after(rest))));
+            *rest = Value::NIL;
+        }
     }
 }
 
