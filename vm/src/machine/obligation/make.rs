@@ -10,6 +10,7 @@ use crate::tree::{DRIVEN, MOVED, NodeKind, RecId, SlotId, Status, Why};
 use crate::value::{Obj, Symbol, Value};
 
 use super::super::drive::{Call, Driver};
+use super::super::fork::Fork;
 use super::super::task::TaskId;
 use super::super::{Machine, RESUME, Run};
 use super::place::{Activation, Common, Stands, common_form, levels, own_side, side_within};
@@ -274,16 +275,15 @@ impl Run {
     }
 
     /// The record of the branch at a slot, in the form of the task `above` that the call stands in: a run of
-    /// the branch before that form began is none of its own.
+    /// the branch before that form began is none of its own. A call that is performed when the form has ended
+    /// stands in none of its branches.
     fn branch_beside(&self, above: TaskId, slot: SlotId) -> Option<RecId> {
         let up = |task: &TaskId| (*task != TaskId::ROOT).then(|| self.tasks.get(*task).parent);
         let mut around = std::iter::successors(Some(self.tasks.loaded), up);
         let own = around.find(|task| up(task) == Some(above));
-        match own.and_then(|own| self.fork_of(own)) {
-            Some(fork) => {
-                let mut branches = fork.tasks().map(|task| self.tasks.get(task));
-                branches.find(|branch| branch.slot == slot).map(|branch| branch.rec).filter(|rec| rec.0 != 0)
-            }
+        let mut branches = own.and_then(|own| self.fork_of(own)).into_iter().flat_map(Fork::tasks);
+        match branches.find_map(|task| Some(self.tasks.get(task)).filter(|branch| branch.slot == slot)) {
+            Some(branch) => Some(branch.rec).filter(|rec| rec.0 != 0),
             None => self.tree.shown(slot),
         }
     }
