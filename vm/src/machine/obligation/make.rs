@@ -70,13 +70,18 @@ impl Machine {
 
     fn add(&mut self, slot: SlotId, rec: RecId, what: Owed, plan: Plan) {
         let goals = self.move_goals(plan.holder);
-        let performed_in = self.holder_record(plan.holder);
-        let run = self.top();
-        run.tree.extra_mut(rec).performed_in = Some(run.tree.record(performed_in).slot);
+        self.performed_by(rec, plan.holder);
         let Plan { after, side, form, holder, level, contexts } = plan;
         let passed = Cell::new(false);
         let owed = Obligation { slot, rec, what, after, side, passed, holder, level, form, contexts, goals };
-        run.obligations.push(owed);
+        self.top().obligations.push(owed);
+    }
+
+    /// What is owed with this record will be performed in the task of a frame. (5)
+    pub(super) fn performed_by(&mut self, rec: RecId, holder: (TaskId, usize)) {
+        let holder = self.holder_record(holder);
+        let run = self.top();
+        run.tree.extra_mut(rec).performed_in = Some(run.tree.record(holder).slot);
     }
 
     /// A new call of p takes the place of the one that is still owed. (8)

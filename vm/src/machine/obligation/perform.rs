@@ -66,6 +66,8 @@ impl Machine {
             {
                 let it = &mut run.obligations[*at];
                 (it.holder, it.level, it.form, it.side, it.passed) = outer;
+                let (rec, holder) = (it.rec, it.holder);
+                self.performed_by(rec, holder);
                 return self
                     .first_at_end(&ended.iter().copied().filter(|other| other != at).collect::<Vec<_>>());
             }
