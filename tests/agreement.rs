@@ -39,7 +39,7 @@ fn machine_and_oracle_agree_on_random_programs() {
 
 /// Prints what both make of the programs of some seeds, or of those of so many that differ:
 /// `SEEDS="8 44" cargo test --test language agreement::reports -- --ignored --nocapture`, `SEEDS=5000..9000`,
-/// `SEEDS=some/file.plan` for a program that somebody has written.
+/// `SEEDS=some/file.plan` for a program that somebody has written, `SEEDS=some/file.plan@44` with a seed.
 #[test]
 #[ignore = "a tool for whoever looks for a difference"]
 fn reports() {
@@ -57,8 +57,9 @@ fn reports() {
             match word.parse() {
                 Ok(seed) => println!("{}", report(seed)),
                 Err(_) => {
-                    let program = std::fs::read_to_string(word).expect("it is a file");
-                    println!("{word}\n{}", shown(&program, 0));
+                    let (file, seed) = word.split_once('@').unwrap_or((word, "0"));
+                    let program = std::fs::read_to_string(file).expect("it is a file");
+                    println!("{word}\n{}", shown(&program, seed.parse().expect("a seed is a number")));
                 }
             }
         }

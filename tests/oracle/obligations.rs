@@ -306,6 +306,9 @@ impl<'p> Oracle<'_, 'p> {
             let Obligation { form, side, .. } = self.run.obligations[outer].clone();
             let it = &mut self.run.obligations[at];
             (it.form, it.side) = (form, side);
+            // That is where it is performed, too. (5)
+            let (rec, holder) = (it.rec, self.run.forms[&form].rec);
+            self.run.tree.records[rec].performed_in = Some(self.run.tree.records[holder].slot);
         }
     }
 

@@ -89,7 +89,13 @@ fn read(text: &str) -> Vec<Part> {
             }
             ')' | ']' | '}' => {
                 let (open, inner) = stack.pop().expect("brackets balance");
-                stack.last_mut().expect("brackets balance").1.push(Part::Group(open, inner, c));
+                let around = &mut stack.last_mut().expect("brackets balance").1;
+                let group = Part::Group(open, inner, c);
+                // What an edit says about guards stays as it is: only the machine asks for that.
+                around.push(match around.last() {
+                    Some(Part::Atom(word)) if word == ":out-of" => Part::Atom(write(&[group])),
+                    _ => group,
+                });
             }
             '\'' | '`' | ',' => prefix.push(c),
             c if c.is_whitespace() => {}

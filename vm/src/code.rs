@@ -236,6 +236,15 @@ pub enum RoundKey {
     Element(u8),
 }
 
+impl RoundKey {
+    /// The first register of the loop.
+    #[must_use]
+    pub fn register(self) -> u8 {
+        let (RoundKey::Count(register) | RoundKey::Element(register)) = self;
+        register
+    }
+}
+
 /// A form of the source as a range of instructions.
 #[derive(Debug, Clone, Copy)]
 pub struct FormRange {

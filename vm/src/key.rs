@@ -295,6 +295,12 @@ impl Ranks {
         counted.step.clone()
     }
 
+    /// Ranks for a loop that is not gone on with after that round: nothing is left of its list.
+    #[must_use]
+    pub fn left_after(&self, rest: &Value) -> Ranks {
+        Ranks(RefCell::new(Counted { rest: Value::NIL, step: self.step(rest), rounds: Rounds::default() }))
+    }
+
     /// The steps of the rounds that follow, when `rest` is left.
     #[must_use]
     pub fn to_come(&self, rest: &Value) -> Vec<Step> {

@@ -2,7 +2,7 @@
 
 use std::cell::Cell;
 
-use crate::code::{FormKind, Pc, Program, RoundKey, SiteId};
+use crate::code::{FormKind, FormRange, Pc, Program, RoundKey, SiteId};
 use crate::edit::What;
 use crate::host::Host;
 use crate::key::{Element, Step};
@@ -10,6 +10,7 @@ use crate::tree::{DRIVEN, MOVED, NodeKind, RecId, SlotId, Status, Why};
 use crate::value::{Obj, Symbol, Value};
 
 use super::super::drive::{Call, Driver};
+use super::super::fork::Fork;
 use super::super::task::TaskId;
 use super::super::{Machine, RESUME, Run};
 use super::place::{Activation, Common, Stands, common_form, levels, own_side, side_within};
@@ -69,13 +70,18 @@ impl Machine {
 
     fn add(&mut self, slot: SlotId, rec: RecId, what: Owed, plan: Plan) {
         let goals = self.move_goals(plan.holder);
-        let performed_in = self.holder_record(plan.holder);
-        let run = self.top();
-        run.tree.extra_mut(rec).performed_in = Some(run.tree.record(performed_in).slot);
+        self.performed_by(rec, plan.holder);
         let Plan { after, side, form, holder, level, contexts } = plan;
         let passed = Cell::new(false);
         let owed = Obligation { slot, rec, what, after, side, passed, holder, level, form, contexts, goals };
-        run.obligations.push(owed);
+        self.top().obligations.push(owed);
+    }
+
+    /// What is owed with this record will be performed in the task of a frame. (5)
+    pub(super) fn performed_by(&mut self, rec: RecId, holder: (TaskId, usize)) {
+        let holder = self.holder_record(holder);
+        let run = self.top();
+        run.tree.extra_mut(rec).performed_in = Some(run.tree.record(holder).slot);
     }
 
     /// A new call of p takes the place of the one that is still owed. (8)
@@ -274,16 +280,15 @@ impl Run {
     }
 
     /// The record of the branch at a slot, in the form of the task `above` that the call stands in: a run of
-    /// the branch before that form began is none of its own.
+    /// the branch before that form began is none of its own. A call that is performed when the form has ended
+    /// stands in none of its branches.
     fn branch_beside(&self, above: TaskId, slot: SlotId) -> Option<RecId> {
         let up = |task: &TaskId| (*task != TaskId::ROOT).then(|| self.tasks.get(*task).parent);
         let mut around = std::iter::successors(Some(self.tasks.loaded), up);
         let own = around.find(|task| up(task) == Some(above));
-        match own.and_then(|own| self.fork_of(own)) {
-            Some(fork) => {
-                let mut branches = fork.tasks().map(|task| self.tasks.get(task));
-                branches.find(|branch| branch.slot == slot).map(|branch| branch.rec).filter(|rec| rec.0 != 0)
-            }
+        let mut branches = own.and_then(|own| self.fork_of(own)).into_iter().flat_map(Fork::tasks);
+        match branches.find_map(|task| Some(self.tasks.get(task)).filter(|branch| branch.slot == slot)) {
+            Some(branch) => Some(branch.rec).filter(|rec| rec.0 != 0),
             None => self.tree.shown(slot),
         }
     }
@@ -301,10 +306,11 @@ impl Run {
             let Some(act) = act else { continue };
             let forms: Vec<_> =
                 act.forms(program).take_while(|(form, _)| at != level || *form != common).collect();
-            // Variables that the call's part of the common form only uses stay those of the frame.
+            // Variables that the call's part of the common form only uses stay those of the frame. A round of a
+            // loop has its element and its key for itself.
             let shared = match forms.last() {
                 _ if at != level => 0,
-                Some((_, part)) => part.registers,
+                Some((_, part)) => part.key().map_or(part.registers, RoundKey::register),
                 None => u8::MAX,
             };
             let registers = self.registers_of(act.task, act.base as usize);
@@ -314,10 +320,11 @@ impl Run {
                         .map(|context| Context { shared: context.shared.min(shared), ..context }),
                 );
             }
-            for (form, it) in forms {
+            for &(form, it) in &forms {
                 let FormKind::Guarded { handler, failure } = it.kind else { continue };
                 let Some(owner) = program.function_at(it.start) else { continue };
-                let registers = registers[..program.functions[owner.at()].registers as usize].to_vec();
+                let mut registers = registers[..program.functions[owner.at()].registers as usize].to_vec();
+                leave_loops(&forms, &mut registers);
                 // The clauses are the form that begins at the handler.
                 let mut around = program.forms_outward(program.form_at(owner, handler));
                 let clauses = around.find(|(_, form)| matches!(form.kind, FormKind::Clauses { .. }));
@@ -341,6 +348,18 @@ impl Run {
             context.registers[..shared].clone_from_slice(&live[..shared]);
             context
         })
+    }
+}
+
+/// Loops go on while a handler is kept for later: in its own registers they stand in the round of the call.
+fn leave_loops(forms: &[(u32, &FormRange)], registers: &mut [Value]) {
+    for (_, form) in forms {
+        let Some(RoundKey::Element(register)) = form.key() else { continue };
+        let [_, rest, ranks] = &mut registers[register as usize..][..3] else { continue };
+        if let Some(Obj::Ranks(it)) = ranks.obj() {
+            *ranks = Value::new(Obj::Ranks(Box::new(it.left_after(rest))));
+            *rest = Value::NIL;
+        }
     }
 }
 

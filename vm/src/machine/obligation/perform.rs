@@ -7,7 +7,7 @@ use crate::host::Host;
 use crate::key::{Key, Step};
 use crate::op::Op;
 use crate::path::Path;
-use crate::tree::{RecId, SlotId, Status, Why};
+use crate::tree::{COUNTED, RecId, SlotId, Status, Why};
 use crate::value::{Obj, Value};
 
 use super::super::call::Slow;
@@ -66,6 +66,8 @@ impl Machine {
             {
                 let it = &mut run.obligations[*at];
                 (it.holder, it.level, it.form, it.side, it.passed) = outer;
+                let (rec, holder) = (it.rec, it.holder);
+                self.performed_by(rec, holder);
                 return self
                     .first_at_end(&ended.iter().copied().filter(|other| other != at).collect::<Vec<_>>());
             }
@@ -170,6 +172,7 @@ impl Machine {
         mut discharge: Box<Discharge>,
         value: Value,
     ) -> Slow {
+        self.stand_in_form();
         let next = match discharge.stage {
             Stage::Performing => {
                 let rec = discharge.obligation.rec;
@@ -192,13 +195,23 @@ impl Machine {
             |at: &usize| self.runs[self.runs.len() - 1].tree.record(goals[*at].0).status == Status::Succeeded;
         match (next..goals.len()).find(reached) {
             Some(n) => {
-                let goal = goals[n].1.clone();
+                let (rec, goal) = goals[n].clone();
                 discharge.stage = Stage::Goal(n);
-                self.top().drivers.push(Driver::Discharge(discharge));
+                let run = self.top();
+                run.drivers.push(Driver::Discharge(discharge));
+                // A goal is a question of its own task, also there, and may be asked after several calls.
+                run.here = Here(rec.0);
+                run.tree.record_mut(rec).flags |= COUNTED;
                 self.ask_goal(host, &goal)
             }
             None => self.end_discharge(host, *discharge),
         }
+    }
+
+    /// The driver works for the task of the common form, whomever it has asked about a goal.
+    fn stand_in_form(&mut self) {
+        let run = self.top();
+        run.here = run.frames.last().map_or(run.here, |holder| holder.here);
     }
 
     fn goal_missed(&self, slot: SlotId) -> crate::native::Raise {
@@ -230,14 +243,14 @@ impl Machine {
         mut discharge: Box<Discharge>,
         failure: Value,
     ) -> Result<(), Value> {
+        self.stand_in_form();
         let rec = discharge.obligation.rec;
         if !self.top().tree.record(rec).status.is_final() {
             self.fail_record(host, rec, &failure);
         }
         let next = match discharge.stage {
-            Stage::Performing => 0,
+            Stage::Performing | Stage::Goal(_) => 0,
             Stage::Handling(n) => n + 1,
-            Stage::Goal(_) => discharge.obligation.contexts.len(),
         };
         if let Some(context) = discharge.obligation.contexts.get(next) {
             let context = context.clone();
