@@ -148,6 +148,21 @@ fn more_runs_go_on_with_those_that_there_are() {
 }
 
 #[test]
+fn trees_that_were_left_behind_are_found_again() {
+    let folder = Temporary::new("trees");
+    let program = program(NAPS);
+    let path = folder.join("one");
+    done(&program, &head(&program, 3), 1, &path);
+    for name in ["variants.store", "variants.store-writer"] {
+        std::fs::remove_file(path.join(name)).expect("it is there");
+    }
+    done(&program, &head(&program, 6), 1, &path);
+    done(&program, &head(&program, 6), 1, &folder.join("whole"));
+    assert_same(&folder.join("whole"), &path);
+    assert!(path.join("variants.store").exists());
+}
+
+#[test]
 fn shards_are_merged_in_any_order_and_merging_again_changes_nothing() {
     let folder = Temporary::new("shards");
     let program = program(NAPS);

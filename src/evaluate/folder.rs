@@ -346,21 +346,27 @@ impl Folder {
         self.write_head()
     }
 
-    /// The tree of a cell whose edits are known; nothing if it has none.
-    ///
-    /// # Errors
-    /// It should be there and cannot be read.
-    pub fn tree(&self, cell: usize) -> Result<Option<SavedTree>, String> {
+    /// The trees of all cells that have one. Who takes the numbers with them may leave the trees behind: such cells are to be
+    /// rehearsed again.
+    pub fn trees(&mut self) -> Vec<Option<SavedTree>> {
+        let mut trees = Vec::new();
+        for cell in 0..self.head.edits.len() {
+            let tree = self.tree(cell);
+            if tree.is_err() {
+                self.head.edits[cell] = None;
+            }
+            trees.push(tree.ok().flatten());
+        }
+        trees
+    }
+
+    fn tree(&self, cell: usize) -> Result<Option<SavedTree>, StoreError> {
         if self.head.edits[cell].as_ref().is_none_or(|it| it.kept.is_empty()) {
             return Ok(None);
         }
-        let path = self.path.join(TREES);
-        let read = || {
-            let store = Store::read(&path)?;
-            // Who has run such a tree by hand has made more versions of it.
-            store.tree(&store.version(&self.head.tree_of(cell), Some(1))?)
-        };
-        read().map(Some).map_err(|error: StoreError| error.to_string())
+        let store = Store::read(&self.path.join(TREES))?;
+        // Who has run such a tree by hand has made more versions of it.
+        store.tree(&store.version(&self.head.tree_of(cell), Some(1))?).map(Some)
     }
 
     /// Keeps a run.

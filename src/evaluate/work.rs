@@ -41,18 +41,16 @@ pub fn evaluate(
     folder: Option<&Path>,
     watch: &dyn Watch,
 ) -> Result<Evaluated, Stop> {
-    let (mut folder, mut runs, mut head) = match folder {
-        None => (None, Runs::new(), head),
+    let (mut folder, mut runs, mut head, mut trees) = match folder {
+        None => (None, Runs::new(), head, Vec::new()),
         Some(path) => {
-            let (folder, runs) = Folder::open(path, head)?;
+            let (mut folder, runs) = Folder::open(path, head)?;
+            let trees = folder.trees();
             let head = folder.head().clone();
-            (Some(folder), runs, head)
+            (Some(folder), runs, head, trees)
         }
     };
-    let mut trees = Vec::new();
-    for cell in 0..head.experiment.cells() {
-        trees.push(folder.as_ref().map_or(Ok(None), |folder| folder.tree(cell))?);
-    }
+    trees.resize(head.experiment.cells(), None);
     match rehearse(program, (at, &mut head), threads, folder.as_mut(), &mut trees, watch) {
         Err(Stop::Asked) => return Ok(Evaluated { head, runs, stopped: true }),
         rehearsed => rehearsed?,
