@@ -34,6 +34,7 @@ natives! {
     "%checked-robot" [1] => checked_robot;
     "%use-scene" [1] in ctx World => use_scene;
     "%use-robot" [2] in ctx World => use_robot;
+    "use-noise" [1] in ctx World => use_noise;
 
     "%begin-motion" [2] in ctx Motion => begin;
     "%end-motion" [1] in ctx Motion => end;
@@ -248,6 +249,20 @@ fn use_robot(ctx: &mut Ctx<'_>, args: &[Value]) -> Result<Next, Raise> {
     let machine = read_robot::machine(&args[0]).map_err(|mistake| mistaken(&[mistake]))?;
     world(ctx)?.use_robot(std::sync::Arc::new(machine), base);
     changed()
+}
+
+/// Errors that are greater than this are of no use: the base would come to stand a metre beside its goal.
+const MOST_NOISE: f64 = 100.0;
+
+/// `(use-noise factor)`: all standard deviations of errors times so much from now on.
+fn use_noise(ctx: &mut Ctx<'_>, args: &[Value]) -> Result<Next, Raise> {
+    let noise = finite(&args[0])?;
+    if !(0.0..=MOST_NOISE).contains(&noise) {
+        let message = format!("errors are multiplied by a number from 0 to {MOST_NOISE}");
+        return Err(range_error(message, &args[0]));
+    }
+    world(ctx)?.noise = noise;
+    Ok(args[0].clone().into())
 }
 
 /// `(put-object name surface x y yaw)`: as if a person had put it there.

@@ -13,7 +13,8 @@ use crate::shape::{PosedShape, Shape};
 use crate::state::State;
 use crate::world::{Ended, Motion, World};
 
-/// The motions do not draw errors that matter to a rehearsal: all of them draw the same.
+/// The motions do not draw errors that matter to a rehearsal: all of them draw the same, and what the world has of noise
+/// the robot does not know.
 const SEED: u64 = 0;
 
 /// The state with the base elsewhere.

@@ -130,6 +130,8 @@ pub struct World {
     pub costs: Costs,
     /// How motions that begin now are done.
     pub mode: Mode,
+    /// By how much the standard deviations of all errors are multiplied.
+    pub noise: f64,
     /// The task clock when somebody last asked this world for something.
     pub now_ns: u64,
     /// What has happened, if anybody wants to know.
@@ -145,7 +147,7 @@ pub struct World {
 }
 
 /// What comes back with a world.
-type Kept = (State, Belief, Costs, Option<Recording>);
+type Kept = (State, Belief, Costs, f64, Option<Recording>);
 
 impl Default for World {
     fn default() -> World {
@@ -159,7 +161,7 @@ impl vm::world::World for World {
     fn fork(&self) -> Box<dyn vm::world::World> {
         let mut fork = World::new(self.state.clone());
         (fork.belief, fork.costs, fork.last_version) = (self.belief.clone(), self.costs, self.last_version);
-        (fork.maps, fork.mode) = (self.maps.clone(), self.mode);
+        (fork.maps, fork.mode, fork.noise) = (self.maps.clone(), self.mode, self.noise);
         Box::new(fork)
     }
 
@@ -185,6 +187,7 @@ impl World {
             belief: Belief::default(),
             costs: Costs::default(),
             mode: Mode::default(),
+            noise: 1.0,
             now_ns: 0,
             recording: None,
             hasty: false,
@@ -239,7 +242,7 @@ impl World {
         World { mode, recording: recorded.then(Recording::default), ..World::default() }
     }
 
-    /// Another scene, everything where it is at first; the robot stays, at its start.
+    /// Another scene, everything where it is at first; the robot stays, at its start, and so does the noise.
     pub fn use_scene(&mut self, scene: Scene) {
         let machine = self.state.setting.machine.clone();
         let base = self.state.base;
@@ -300,7 +303,8 @@ impl World {
             let message = format!("worlds are nested deeper than {MOST_KEPT}");
             return Err(Trouble::new("world-failure", message));
         }
-        self.kept.push((self.state.clone(), self.belief.clone(), self.costs, self.recording.clone()));
+        let kept = (self.state.clone(), self.belief.clone(), self.costs, self.noise, self.recording.clone());
+        self.kept.push(kept);
         Ok(self.kept.len())
     }
 
@@ -308,7 +312,7 @@ impl World {
     pub fn go_back(&mut self, kept: usize) {
         self.kept.truncate(kept);
         if let Some(kept) = self.kept.pop() {
-            (self.state, self.belief, self.costs, self.recording) = kept;
+            (self.state, self.belief, self.costs, self.noise, self.recording) = kept;
         }
     }
 
@@ -324,6 +328,7 @@ impl World {
     /// Becomes as another world is: what is in it, and what the robot believes.
     pub fn become_like(&mut self, other: &World) {
         (self.state, self.belief, self.costs) = (other.state.clone(), other.belief.clone(), other.costs);
+        self.noise = other.noise;
         self.renumber();
     }
 
@@ -366,7 +371,8 @@ impl World {
     #[must_use]
     pub fn outcome(&self, motion: &Motion, now_ns: u64, seed: u64) -> Outcome {
         let state = &self.state;
-        let mut draws = if self.hasty { Draws::hasty(seed) } else { Draws::new(seed) };
+        let draws = if self.hasty { Draws::hasty(seed) } else { Draws::new(seed) };
+        let mut draws = draws.noisy(self.noise);
         match motion {
             Motion::Going(goals) => motions::base::going(state, goals, &self.maps, &mut draws),
             Motion::MovingTorso(position) => motions::joints::moving_torso(state, *position),
@@ -453,7 +459,7 @@ impl World {
 
     /// What physics makes of a motion that has been played into the state.
     fn simulate(&mut self, before: &State, outcome: &mut Outcome, lasted_s: f64, seed: u64) {
-        let mut draws = Draws::new(seed ^ OF_SIMULATION);
+        let mut draws = Draws::new(seed ^ OF_SIMULATION).noisy(self.noise);
         let simulated = motions::simulate(before, &self.state, outcome, lasted_s, &mut draws);
         self.state.set_joints(&simulated.joints);
         simulated.events.iter().for_each(|event| event.play(&mut self.state));

@@ -21,8 +21,6 @@ const AROUND_M: f64 = 1.0;
 const EMPTY_M: f64 = 10.0;
 /// Keys of a track are so far apart, seconds.
 const KEY_S: f64 = 0.25;
-/// Errors of a place are cut here, as shares of the deviation.
-const MOST_ERROR: f64 = 3.0;
 
 /// Maps of the states that were asked last, and floods through them. As long as only the base moves, one map holds;
 /// where only doors and objects are elsewhere, what never moves is not computed again. Forks of a world share them.
@@ -221,12 +219,10 @@ fn go(state: &State, goals: &[Place], maps: &Maps, draws: &mut Draws) -> Result<
 
 /// Where the base comes to stand: a little beside the goal, if it is free there.
 fn with_error(map: &Map, goal: &Place, draws: &mut Draws) -> Place {
-    let mut error =
-        |deviation: f64| draws.normal(deviation).clamp(-MOST_ERROR * deviation, MOST_ERROR * deviation);
     let at = Place::new(
-        goal.x + error(MODEL.drive_m),
-        goal.y + error(MODEL.drive_m),
-        goal.yaw + error(MODEL.drive_rad),
+        goal.x + draws.small_error(MODEL.drive_m),
+        goal.y + draws.small_error(MODEL.drive_m),
+        goal.yaw + draws.small_error(MODEL.drive_rad),
     );
     if map.blocker(&at).is_none() { at } else { *goal }
 }

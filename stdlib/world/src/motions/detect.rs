@@ -49,8 +49,8 @@ fn detect(
     for object in state.objects.keys().copied() {
         // Drawn for each object, seen or not: what one sees does not change the errors of the others.
         let at =
-            Vector3::new(draws.normal(MODEL.seen_m), draws.normal(MODEL.seen_m), draws.normal(MODEL.seen_m));
-        let yaw = draws.normal(MODEL.seen_rad);
+            Vector3::new(draws.error(MODEL.seen_m), draws.error(MODEL.seen_m), draws.error(MODEL.seen_m));
+        let yaw = draws.error(MODEL.seen_rad);
         let sight = view.sight(object, &camera);
         if sight.visible < MODEL.visible_share {
             hidden_by.extend(view.hides(&sight).filter(|_| wanted(object)).map(String::from));

@@ -136,7 +136,7 @@ fn grip_object(
     let mass_kg: f64 =
         state.with_load(object).iter().map(|it| state.setting.scene.kind_of(*it).mass_kg).sum();
     let hands = arms.len() + state.holders(object).len();
-    let friction = kind.friction * (1.0 + draws.normal(MODEL.friction_share));
+    let friction = kind.friction * (1.0 + draws.error(MODEL.friction_share));
     let carries_n = 2.0 * friction.max(0.0) * MODEL.grip_n * hands as f64;
     let needed_n = mass_kg * GRAVITY;
     let trouble = (carries_n < needed_n).then(|| {

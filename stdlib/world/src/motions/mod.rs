@@ -179,25 +179,35 @@ impl std::ops::AddAssign for Costs {
     }
 }
 
+/// Errors that are cut are cut at so many standard deviations.
+const MOST_DEVIATIONS: f64 = 3.0;
+
 /// Random numbers of one motion: functions of its seed and their order.
 #[derive(Debug, Clone)]
 pub struct Draws {
     seed: u64,
     drawn: u64,
     hasty: bool,
+    noise: f64,
 }
 
 impl Draws {
     /// The numbers of a seed.
     #[must_use]
     pub fn new(seed: u64) -> Draws {
-        Draws { seed, drawn: 0, hasty: false }
+        Draws { seed, drawn: 0, hasty: false, noise: 1.0 }
     }
 
     /// The same for a motion that is only thought of: whether there is a way around something it leaves open.
     #[must_use]
     pub fn hasty(seed: u64) -> Draws {
         Draws { hasty: true, ..Draws::new(seed) }
+    }
+
+    /// The same with errors that are so many times as great.
+    #[must_use]
+    pub fn noisy(self, noise: f64) -> Draws {
+        Draws { noise, ..self }
     }
 
     /// Whether ways around what blocks an arm are looked for: the most costly search of all.
@@ -212,10 +222,17 @@ impl Draws {
         unit(self.seed, self.drawn)
     }
 
-    /// Of the normal distribution around 0. Box and Muller, 1958; one of its two numbers is used.
-    pub fn normal(&mut self, deviation: f64) -> f64 {
+    /// An error: of the normal distribution around 0, its deviation times the noise of the world. How many numbers are
+    /// drawn does not depend on that. Box and Muller, 1958; one of its two numbers is used.
+    pub fn error(&mut self, deviation: f64) -> f64 {
         let radius = (-2.0 * libm::log(1.0 - self.unit())).sqrt();
-        deviation * radius * libm::cos(std::f64::consts::TAU * self.unit())
+        deviation * self.noise * radius * libm::cos(std::f64::consts::TAU * self.unit())
+    }
+
+    /// The same, and never more than three deviations.
+    pub fn small_error(&mut self, deviation: f64) -> f64 {
+        let most = MOST_DEVIATIONS * deviation * self.noise;
+        self.error(deviation).clamp(-most, most)
     }
 
     /// A seed for something that draws by itself.

@@ -1,6 +1,6 @@
 //! How fast robots are, and how wrong they are: the only place with numbers of this kind.
 //!
-//! They are the same for all examples. The noise is small and not zero: what plans do about small errors
+//! They are the same for all examples. `use-noise` multiplies the noise of a world. It is small and not zero: what plans do about small errors
 //! is what rehearsals are for. Speeds are those of careful service robots; speeds change at once, what
 //! starting and stopping take is in them.
 

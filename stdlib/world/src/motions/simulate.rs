@@ -101,7 +101,7 @@ fn errors(
     let of_arms: Vec<_> = machine.limbs.arms.iter().flat_map(|arm| arm.chain.variables()).collect();
     let mut joints = Vec::new();
     for (id, _) in key.joints.iter().filter(|(id, _)| of_arms.contains(&id)) {
-        let error = draws.normal(MODEL.joint_rad).clamp(-3.0 * MODEL.joint_rad, 3.0 * MODEL.joint_rad);
+        let error = draws.small_error(MODEL.joint_rad);
         let (low, high) =
             machine.robot.variables()[id.index()].limits.unwrap_or((f64::NEG_INFINITY, f64::INFINITY));
         let at = after.joints.get(id.index()).copied().unwrap_or(0.0);
@@ -196,7 +196,7 @@ impl<'a> Bench<'a> {
         bench.robot(&near, &sweep);
         for object in loose {
             let friction = before.setting.scene.kind_of(object).friction
-                * (1.0 + draws.normal(MODEL.friction_share)).max(0.1);
+                * (1.0 + draws.error(MODEL.friction_share)).max(0.1);
             bench.drop_in(object, friction, outcome);
         }
         for (arm, grip) in &before.hands {
