@@ -11,7 +11,7 @@
 
 mod measure;
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::time::Instant;
 
 use pleach::evaluate::folder::Head;
@@ -90,7 +90,7 @@ fn head(program: &Program, runs: u64, seed: u64) -> Head {
 }
 
 /// How many times as much CPU time an evaluation of the plan as written takes as its runs.
-fn overhead(file: &PathBuf, folder: &Path, turn: usize) -> f64 {
+fn overhead(file: &Path, folder: &Path, turn: usize) -> f64 {
     let seed = 1 + turn as u64 * OF_A_TURN;
     let alone = || {
         let mut session = Session::new(Options::default());

@@ -193,12 +193,16 @@ fn what_does_not_belong_together_is_not_mixed() {
     done(&program, &head, 1, &path);
     let patience = Patience::endless();
     let mut other = head.clone();
+    other.experiment.args = vec!["4".into()];
+    let args = other;
+    let mut other = head.clone();
     other.experiment.seed = 2;
     let refused = |head: Head| match evaluate(&program, (0, head), 1, Some(&path), &patience) {
         Err(Stop::Because(why)) => why,
         _ => panic!("it is another one"),
     };
     assert!(refused(other).contains("its seed is another"));
+    assert!(refused(args).contains("its args is another"));
     assert!(refused(Head { program: "0".into(), ..head.clone() }).contains("program"));
     assert!(refused(Head { shard: Some((1, 2)), ..head.clone() }).contains("another shard"));
     // Numbers that were changed by hand.
@@ -210,6 +214,62 @@ fn what_does_not_belong_together_is_not_mixed() {
     let parts = [(path.clone(), head.clone(), before), (folder.join("other"), head, runs)];
     let why = folder::merge(&parts, &folder.join("merged")).expect_err("they differ");
     assert!(why.contains("different numbers"), "{why}");
+}
+
+/// What is wrong is said alike however many threads there are, and not as if somebody had stopped it.
+#[test]
+fn the_first_error_is_said() {
+    let folder = Temporary::new("errors");
+    let file = folder.join("wrong.plan");
+    let text = r#"
+        (use experiment)
+        (def-plan p () (sleep (random 9)))
+        (def-experiment wrong "A measure that is none." :plan (p) :runs 40
+          :measures ((mood (if (< (tree-end tree) 3) "bad" 1))))"#;
+    std::fs::write(&file, text).expect("it can be written");
+    let program = Program { file, ..Program::default() };
+    let why = |threads: usize, seed: u64| {
+        let mut head = head(&program, 40);
+        head.experiment.seed = seed;
+        match evaluate(&program, (0, head), threads, None, &Patience::endless()) {
+            Err(Stop::Because(why)) => why,
+            Err(Stop::Asked) => panic!("nobody has asked"),
+            Ok(_) => panic!("a measure is no number"),
+        }
+    };
+    for seed in 1..8 {
+        assert_eq!(why(1, seed), why(3, seed));
+    }
+}
+
+/// Nothing is left out that would not run as another variant does.
+#[test]
+fn only_what_runs_as_another_variant_is_left_out() {
+    let folder = Temporary::new("void");
+    let file = folder.join("void.plan");
+    let text = r#"
+        (use experiment)
+        (use transformation)
+        (def-plan yawn () (sleep 1))
+        (def-plan p () (yawn))
+        (def-plan q () (sleep 20))
+        (def-transformation lively "No yawns." :applicable (task-name ?yawn yawn) :rewrite (list (skip ?yawn)))
+        (def-transformation never "Nothing." :applicable (task-name ?snore snore) :rewrite (list (skip ?snore)))
+        (def-experiment void "Which of them run?" :plan (p) :runs 3
+          :variants (never lively (other :only (never) :plan (q)) (again :only (never))))"#;
+    std::fs::write(&file, text).expect("it can be written");
+    let runs = |variants: &[&str]| -> Vec<usize> {
+        let variants: Vec<String> = variants.iter().map(|it| (*it).to_string()).collect();
+        let program = Program { file: file.clone(), variants, ..Program::default() };
+        let head = head(&program, 3);
+        let all = evaluate(&program, (0, head), 1, None, &Patience::endless()).expect("it works");
+        let of = |variant| all.runs.values().filter(|run| run.variant == variant).count();
+        (0..all.head.experiment.variants.len()).map(of).collect()
+    };
+    assert_eq!(runs(&[]), [3, 3, 3, 3]);
+    assert_eq!(runs(&["none", "never", "lively", "other"]), [3, 0, 3, 3]);
+    assert_eq!(runs(&["lively", "never"]), [3, 3]);
+    assert_eq!(runs(&["never", "none"]), [0, 3]);
 }
 
 /// A run of an evaluation is what `pleach run` gives under its seed.
@@ -307,8 +367,11 @@ fn texts_stay_texts() {
     let rows: Vec<csv::StringRecord> = reader.records().collect::<Result<_, _>>().expect("it is a table");
     assert_eq!(rows.len(), 6);
     assert!(rows.iter().flatten().all(|cell| !cell.starts_with(['=', '+', '-', '@'])));
-    let (_, runs): (Head, Runs) = folder::read(&path).expect("it is whole").expect("it is there");
+    let (head, runs): (Head, Runs) = folder::read(&path).expect("it is whole").expect("it is there");
     assert_eq!(runs.len(), 6);
+    // What is read back is what was measured.
+    let fresh = evaluate(&program, (0, head), 1, None, &Patience::endless()).expect("it works");
+    assert_eq!(fresh.runs, runs);
     let page = std::fs::read_to_string(path.join(report::PAGE)).expect("it is there");
     assert!(!page.contains("<script>alert") && !page.contains("<b>more"));
 }

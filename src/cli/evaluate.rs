@@ -142,13 +142,13 @@ pub fn run(it: &Evaluate) -> Answer {
     let fingerprint = worker.fingerprint();
     std::mem::forget(worker);
     let chosen = chosen(it, experiments)?;
+    check(it, &chosen)?;
     if it.list {
         return Ok(list(&chosen, it.show.json));
     }
     let mut tables = Vec::new();
-    for (at, mut experiment) in chosen {
-        experiment.runs = it.runs.unwrap_or(experiment.runs);
-        experiment.seed = it.seed.unwrap_or(experiment.seed);
+    for (at, experiment) in chosen {
+        let wanted = experiment.runs;
         let folder = it.show.out.as_ref().map(|out| folder_of(out, it.shard, &experiment));
         let file = program.file.file_name().map_or(String::new(), |name| name.to_string_lossy().into_owned());
         let head = Head::new(experiment, fingerprint.clone(), file, it.shard);
@@ -156,6 +156,12 @@ pub fn run(it: &Evaluate) -> Answer {
         let ended = evaluate(&program, (at, head), threads, folder.as_deref(), &bar);
         bar.bar.finish_and_clear();
         let Evaluated { head, runs, stopped } = ended.map_err(self::stopped)?;
+        if head.experiment.runs > wanted && !it.show.quiet {
+            let runs = head.experiment.runs;
+            term::complain(&format!(
+                "note: the folder has been asked for {runs} runs of each variant, and all of them count\n"
+            ));
+        }
         let table = Table::of(&head, &runs);
         show(&table, &runs, folder.as_deref(), &it.show, stopped)?;
         tables.push(table);
@@ -228,7 +234,38 @@ fn chosen(it: &Evaluate, all: Vec<Experiment>) -> Result<Vec<(usize, Experiment)
         }
     }
     let meant = |name: &String| it.names.is_empty() || it.names.contains(name);
-    Ok(all.into_iter().enumerate().filter(|(_, experiment)| meant(&experiment.name)).collect())
+    let as_said = |experiment: Experiment| Experiment {
+        runs: it.runs.unwrap_or(experiment.runs),
+        seed: it.seed.unwrap_or(experiment.seed),
+        ..experiment
+    };
+    let chosen = all.into_iter().enumerate().filter(|(_, experiment)| meant(&experiment.name));
+    Ok(chosen.map(|(at, experiment)| (at, as_said(experiment))).collect())
+}
+
+/// That all of them can be evaluated, and do not get into each other's way, before the first of them begins.
+fn check(it: &Evaluate, chosen: &[(usize, Experiment)]) -> Result<(), Trouble> {
+    let mut folders: Vec<(PathBuf, &str)> = Vec::new();
+    for (_, experiment) in chosen {
+        if let Some(why) = experiment.trouble() {
+            return Err(
+                format!("the experiment {} cannot be evaluated: {why}", safe(&experiment.name)).into()
+            );
+        }
+        let folder = folder_of(Path::new(""), None, experiment);
+        if let (Some((_, other)), true) =
+            (folders.iter().find(|(path, _)| *path == folder), it.show.out.is_some())
+        {
+            let what = format!(
+                "the experiments {} and {} have the same folder",
+                safe(other),
+                safe(&experiment.name)
+            );
+            return Err(Trouble::new(what, "name one of them, or give each evaluation an --out of its own"));
+        }
+        folders.push((folder, &experiment.name));
+    }
+    Ok(())
 }
 
 fn list(chosen: &[(usize, Experiment)], as_json: bool) -> u8 {
@@ -254,8 +291,11 @@ fn list(chosen: &[(usize, Experiment)], as_json: bool) -> u8 {
 
 /// Where the runs of an experiment are kept.
 fn folder_of(out: &Path, shard: Option<(u64, u64)>, it: &Experiment) -> PathBuf {
-    let name: String =
-        it.name.chars().map(|c| if c.is_alphanumeric() || "-_+.".contains(c) { c } else { '-' }).collect();
+    let name = it.name.trim_start_matches('.');
+    let name: String = if name.is_empty() { "-" } else { name }
+        .chars()
+        .map(|c| if c.is_alphanumeric() || "-_+.".contains(c) { c } else { '-' })
+        .collect();
     match shard {
         Some((shard, of)) => out.join(format!("shard-{shard}-of-{of}")).join(name),
         None => out.join(name),
@@ -270,7 +310,7 @@ fn show(
     show: &Show,
     stopped: bool,
 ) -> Result<(), Trouble> {
-    if !show.quiet && !show.json {
+    if !show.quiet && !show.json && table.done > 0 {
         term::say(&format!("{}\n", text::text(table)));
     }
     if let Some(folder) = folder.filter(|_| !stopped) {

@@ -32,7 +32,7 @@ Examples:
 The plan runs in projection under some seeds. Rules look at what happened, and propose edits of the plan. What is
 kept succeeds under at least 4 of 5 seeds under which the plan without it succeeds, leaves nothing behind, keeps what
 the transformation says, and is cheaper: seconds, and 60 for each failure that nobody made good. With --accept static
-one run has to succeed and keep what is said, and nobody asks what it costs.
+a run under one of the seeds has to succeed and keep what is said, and nobody asks what it costs.
 Transformations are those of the files that the plan uses, as (use household) does, and of --rules.
 
 With --json stdout is one object: {steps: [{transformation, input, edits, verdict, check, why, numbers}],

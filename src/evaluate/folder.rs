@@ -25,6 +25,8 @@ const FORMAT: u64 = 1;
 pub const HEAD: &str = "evaluation.json";
 /// The runs.
 pub const RUNS: &str = "runs.csv";
+/// Whom the folder belongs to.
+const LOCK: &str = "evaluation.lock";
 /// The trees.
 const TREES: &str = "variants.store";
 
@@ -50,7 +52,9 @@ pub type Runs = BTreeMap<(usize, u64, usize), Run>;
 pub struct Folder {
     path: PathBuf,
     head: Head,
-    file: File,
+    runs: File,
+    /// Nobody else writes while this is open.
+    _lock: File,
 }
 
 impl Head {
@@ -68,7 +72,8 @@ impl Head {
     }
 
     fn from_json(json: &Json) -> Option<Head> {
-        let experiment = Experiment::from_json(json, json["runs"].as_u64()?)?;
+        let experiment =
+            Experiment::from_json(json, json["runs"].as_u64()?).filter(|it| it.trouble().is_none())?;
         let edits = list(&json["edits"])?.iter().map(|it| match it {
             Json::Null => Some(None),
             it => Edits::from_json(it).map(Some),
@@ -87,8 +92,18 @@ impl Head {
     /// Why two evaluations are not of the same thing.
     fn differs(&self, other: &Head) -> Option<&'static str> {
         let (one, two) = (self.experiment.to_json(), other.experiment.to_json());
-        let what =
-            ["experiment", "plan", "factors", "cases", "variants", "measures", "seed", "accept", "seeds"];
+        let what = [
+            "experiment",
+            "plan",
+            "args",
+            "factors",
+            "cases",
+            "variants",
+            "measures",
+            "seed",
+            "accept",
+            "seeds",
+        ];
         let named = what.into_iter().find(|key| one[*key] != two[*key]);
         named.or((self.program != other.program).then_some("program, or the library,"))
     }
@@ -111,6 +126,20 @@ impl Head {
         self.shard.is_none_or(|(shard, of)| (seed - self.experiment.seed) % of == shard - 1)
     }
 
+    /// The variant that runs alike, for nothing was kept of this one's edits.
+    #[must_use]
+    pub fn stands_for(&self, case: usize, variant: usize) -> Option<usize> {
+        let it = &self.experiment;
+        let edits = self.edits[it.cell(case, variant)].as_ref()?;
+        let as_written = |other: usize| {
+            let theirs = self.edits[it.cell(case, other)].as_ref();
+            it.variants[other].plan == it.variants[variant].plan && theirs.is_some_and(|it| !it.rehearsed)
+        };
+        // Plans of their own are not compared: they may differ in their arguments.
+        let void = edits.is_void() && it.variants[variant].plan.is_none();
+        (0..it.variants.len()).filter(|other| void && *other != variant).find(|other| as_written(*other))
+    }
+
     /// The runs that are wanted: a seed with all its variants after the other, so that what is done when it is stopped is
     /// pairs. Variants that have nothing to run are left out.
     #[must_use]
@@ -119,7 +148,8 @@ impl Head {
         let seeds = (it.seed..it.seed.saturating_add(it.runs)).filter(|seed| self.is_mine(*seed));
         let cells = (0..it.cases.len()).flat_map(|case| (0..it.variants.len()).map(move |at| (case, at)));
         let runs = |(case, variant)| {
-            self.edits[it.cell(case, variant)].as_ref().is_some_and(|it| it.why.is_none() && !it.is_void())
+            let edits = self.edits[it.cell(case, variant)].as_ref();
+            edits.is_some_and(|it| it.why.is_none()) && self.stands_for(case, variant).is_none()
         };
         let cells: Vec<_> = cells.filter(|cell| runs(*cell)).collect();
         seeds.flat_map(|seed| cells.iter().map(move |(case, variant)| (*case, *variant, seed))).collect()
@@ -199,6 +229,11 @@ pub fn columns(it: &Experiment) -> Vec<String> {
     .concat()
 }
 
+/// The first line of `runs.csv`.
+fn names(it: &Experiment) -> Vec<String> {
+    columns(it).iter().map(|name| harmless(name)).collect()
+}
+
 /// A run as the cells of its line.
 fn cells(it: &Experiment, run: &Run) -> Vec<String> {
     let number = |number: &Option<f64>| number.map_or(String::new(), |it| json!(it).to_string());
@@ -209,18 +244,22 @@ fn cells(it: &Experiment, run: &Run) -> Vec<String> {
         run.seed.to_string(),
         run.status.clone(),
         run.success.to_string(),
-        // One run, one line.
-        run.why.replace(['\n', '\r'], " "),
+        run.why.clone(),
     ]);
     cells.iter_mut().for_each(|cell| *cell = harmless(cell));
     cells.extend(run.numbers.iter().map(number));
     cells
 }
 
-/// Programs for tables take a text that begins like a formula for one.
+/// Programs for tables take a text that begins like a formula for one: it gets a `'` before it.
 fn harmless(cell: &str) -> String {
-    let is_formula = cell.starts_with(['=', '+', '-', '@', '\t']) && cell.parse::<f64>().is_err();
+    let is_formula = cell.starts_with(['=', '+', '-', '@', '\t', '\'']) && cell.parse::<f64>().is_err();
     if is_formula { format!("'{cell}") } else { cell.to_string() }
+}
+
+/// The text as it was.
+fn plain(cell: &str) -> &str {
+    cell.strip_prefix('\'').unwrap_or(cell)
 }
 
 fn line(cells: &[String]) -> Result<Vec<u8>, String> {
@@ -233,7 +272,7 @@ fn runs_of(head: &Head, text: &str) -> Result<Runs, String> {
     let it = &head.experiment;
     let mut reader = csv::Reader::from_reader(text.as_bytes());
     let names = reader.headers().map_err(|error| error.to_string())?;
-    if !text.is_empty() && !names.iter().eq(columns(it).iter()) {
+    if !text.is_empty() && !names.iter().eq(self::names(it).iter()) {
         return Err("its columns are not those of the experiment".into());
     }
     let mut runs = Runs::new();
@@ -251,14 +290,15 @@ fn run_of(it: &Experiment, cells: &[&str]) -> Option<Run> {
     let (values, rest) = cells.get(1..)?.split_at_checked(it.factors.len())?;
     let [variant, seed, status, success, why, numbers @ ..] = rest else { return None };
     let number = |cell: &&str| if cell.is_empty() { Some(None) } else { cell.parse().ok().map(Some) };
-    let same = |case: &Vec<String>| case.iter().zip(values).all(|(value, cell)| harmless(value) == *cell);
+    let same = |case: &Vec<String>| case.iter().zip(values).all(|(value, cell)| value == plain(cell));
+    let is_wanted = |seed: &u64| seed.checked_sub(it.seed).is_some_and(|at| at < it.runs);
     Some(Run {
         case: it.cases.iter().position(same)?,
-        variant: it.variants.iter().position(|it| harmless(&it.name) == *variant)?,
-        seed: seed.parse().ok()?,
-        status: (*status).to_string(),
+        variant: it.variants.iter().position(|it| it.name == plain(variant))?,
+        seed: seed.parse().ok().filter(is_wanted)?,
+        status: plain(status).to_string(),
         success: success.parse().ok()?,
-        why: (*why).to_string(),
+        why: plain(why).to_string(),
         numbers: numbers.iter().map(number).collect::<Option<_>>()?,
     })
 }
@@ -271,8 +311,13 @@ pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), String> {
     let beside = path.with_extension("part");
     let cannot =
         |error: std::io::Error| format!("cannot write {}: {}", path.display(), crate::files::why(&error));
-    std::fs::write(&beside, bytes).map_err(cannot)?;
-    std::fs::rename(&beside, path).map_err(cannot)
+    let write = || {
+        let mut file = File::create(&beside)?;
+        file.write_all(bytes)?;
+        file.sync_all()?;
+        std::fs::rename(&beside, path)
+    };
+    write().map_err(cannot)
 }
 
 impl Folder {
@@ -285,6 +330,10 @@ impl Folder {
         let cannot =
             |error: std::io::Error| format!("cannot write {}: {}", path.display(), crate::files::why(&error));
         std::fs::create_dir_all(path).map_err(cannot)?;
+        let lock = File::create(path.join(LOCK)).map_err(cannot)?;
+        if store::lock_file(&lock).is_err() {
+            return Err(format!("another evaluation is writing into {}", path.display()));
+        }
         let mut runs = Runs::new();
         if let Some((old, done)) = read(path)? {
             if let Some(what) = old.differs(&head) {
@@ -305,15 +354,12 @@ impl Folder {
         }
         let runs_path = path.join(RUNS);
         let mut file = OpenOptions::new().create(true).append(true).open(&runs_path).map_err(cannot)?;
-        if store::lock_file(&file).is_err() {
-            return Err(format!("another evaluation is writing into {}", path.display()));
-        }
         let text = crate::files::read_text(&runs_path)?;
         file.set_len(whole_lines(&text).len() as u64).map_err(cannot)?;
         if whole_lines(&text).is_empty() {
-            file.write_all(&line(&columns(&head.experiment))?).map_err(cannot)?;
+            file.write_all(&line(&names(&head.experiment))?).map_err(cannot)?;
         }
-        let folder = Folder { path: path.to_path_buf(), head, file };
+        let folder = Folder { path: path.to_path_buf(), head, runs: file, _lock: lock };
         folder.write_head()?;
         Ok((folder, runs))
     }
@@ -375,7 +421,7 @@ impl Folder {
     /// It cannot be written.
     pub fn add(&mut self, run: &Run) -> Result<(), Stop> {
         let bytes = line(&cells(&self.head.experiment, run))?;
-        self.file.write_all(&bytes).map_err(|error| {
+        self.runs.write_all(&bytes).map_err(|error| {
             let path = self.path.join(RUNS);
             Stop::Because(format!("cannot write {}: {}", path.display(), crate::files::why(&error)))
         })
@@ -388,7 +434,7 @@ impl Folder {
     pub fn finish(&mut self, runs: &Runs) -> Result<(), String> {
         let path = self.path.join(RUNS);
         write_whole(&path, &csv(&self.head.experiment, runs)?)?;
-        self.file = OpenOptions::new()
+        self.runs = OpenOptions::new()
             .append(true)
             .open(&path)
             .map_err(|error| format!("cannot write {}: {}", path.display(), crate::files::why(&error)))?;
@@ -401,7 +447,7 @@ impl Folder {
 /// # Errors
 /// None that can be thought of.
 pub fn csv(it: &Experiment, runs: &Runs) -> Result<Vec<u8>, String> {
-    let mut bytes = line(&columns(it))?;
+    let mut bytes = line(&names(it))?;
     for run in runs.values() {
         bytes.extend(line(&cells(it, run))?);
     }

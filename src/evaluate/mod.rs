@@ -34,6 +34,8 @@ pub struct Experiment {
     pub doc: String,
     /// The name of the plan.
     pub plan: String,
+    /// Its arguments as forms, where it was named from outside.
+    pub args: Vec<String>,
     /// The names of its factors.
     pub factors: Vec<String>,
     /// For each case the values of the factors, as `write` prints them.
@@ -65,7 +67,42 @@ pub struct Variant {
     pub plan: Option<String>,
 }
 
+/// More runs of a variant in a case than this are a mistake: each takes some hundred bytes.
+pub const MOST_RUNS: u64 = 1_000_000;
+
 impl Experiment {
+    /// Why it cannot be evaluated; nothing if it can.
+    #[must_use]
+    pub fn trouble(&self) -> Option<String> {
+        let twice = |names: &[String]| {
+            names
+                .iter()
+                .enumerate()
+                .find(|(at, name)| names[..*at].contains(name))
+                .map(|(_, name)| name.clone())
+        };
+        let variants: Vec<String> = self.variants.iter().map(|it| it.name.clone()).collect();
+        let cases: Vec<String> = (0..self.cases.len()).map(|case| self.case_text(case)).collect();
+        if let Some(name) = twice(&variants) {
+            return Some(format!("it has the variant {name} twice"));
+        }
+        if let Some(case) = twice(&cases) {
+            return Some(format!("it has the case {case} twice"));
+        }
+        if self.runs == 0 || self.runs > MOST_RUNS {
+            return Some(format!("its runs are a number from 1 to {MOST_RUNS}, not {}", self.runs));
+        }
+        let last = self.seed.checked_add(self.runs).filter(|last| i64::try_from(*last).is_ok());
+        last.is_none().then(|| format!("its seeds go up to {}", i64::MAX))
+    }
+
+    /// The values of a factor, if all of them are numbers.
+    #[must_use]
+    pub fn numbers(&self, factor: usize) -> Option<Vec<f64>> {
+        let number = |case: &Vec<String>| case[factor].parse().ok().filter(|it: &f64| it.is_finite());
+        self.cases.iter().map(number).collect()
+    }
+
     /// A case in words: `way 4, arms 2`. Nothing where there are no factors.
     #[must_use]
     pub fn case_text(&self, case: usize) -> String {
@@ -94,6 +131,7 @@ impl Experiment {
             "experiment": self.name,
             "about": self.doc,
             "plan": self.plan,
+            "args": self.args,
             "factors": self.factors,
             "cases": self.cases,
             "variants": variants,
@@ -115,6 +153,7 @@ impl Experiment {
             name: text("experiment")?,
             doc: text("about")?,
             plan: text("plan")?,
+            args: texts(&json["args"])?,
             factors: texts(&json["factors"])?,
             cases,
             variants,

@@ -13,7 +13,7 @@ use super::folder::{Runs, columns, write_whole};
 use super::page::{self, Section};
 use super::plot::{self, Curve, Group, Series};
 use super::summary::{Column, Comparison, Scope, Table};
-use super::text::{difference, heading, p, places_of, signed};
+use super::text::{difference, heading, number, p, places_of, signed};
 use super::{Edits, Experiment, Run};
 
 /// The page with everything.
@@ -58,8 +58,12 @@ fn json_of(it: &Experiment, runs: &Runs) -> String {
     let object = |run: &Run| {
         let mut object = JsonMap::new();
         object.insert("experiment".into(), json!(it.name));
-        for (name, value) in it.factors.iter().zip(&it.cases[run.case]) {
-            object.insert(name.clone(), value.parse::<f64>().map_or(json!(value), |it| json!(it)));
+        for (at, name) in it.factors.iter().enumerate() {
+            let value = match it.numbers(at) {
+                Some(numbers) => json!(numbers[run.case]),
+                None => json!(it.cases[run.case][at]),
+            };
+            object.insert(name.clone(), value);
         }
         object.insert("variant".into(), json!(it.variants[run.variant].name));
         object.insert("seed".into(), json!(run.seed));
@@ -75,16 +79,19 @@ fn json_of(it: &Experiment, runs: &Runs) -> String {
     format!("[\n{}\n]\n", lines.join(",\n"))
 }
 
-/// The runs as columns: texts, a number for the seed, a truth value, and numbers that may be missing.
+/// The runs as columns: texts, a number for the seed, a truth value, and numbers that may be missing. A factor is a column of
+/// numbers if all its values are.
 fn parquet_of(it: &Experiment, runs: &Runs) -> Result<Vec<u8>, String> {
     let said = |error: parquet::errors::ParquetError| error.to_string();
     let names = columns(it);
     let column = |name: &String| {
         let is_measure = it.measures.contains(name);
+        let factor = it.factors.iter().position(|factor| factor == name);
+        let is_number = is_measure || factor.is_some_and(|at| it.numbers(at).is_some());
         let (physical, logical) = match name.as_str() {
             "seed" => (Physical::INT64, None),
             "success" => (Physical::BOOLEAN, None),
-            _ if is_measure => (Physical::DOUBLE, None),
+            _ if is_number => (Physical::DOUBLE, None),
             _ => (Physical::BYTE_ARRAY, Some(LogicalType::String)),
         };
         let repetition = if is_measure { Repetition::OPTIONAL } else { Repetition::REQUIRED };
@@ -105,6 +112,11 @@ fn parquet_of(it: &Experiment, runs: &Runs) -> Result<Vec<u8>, String> {
     };
     texts(&mut group, vec![&it.name; runs.len()])?;
     for factor in 0..it.factors.len() {
+        if let Some(numbers) = it.numbers(factor) {
+            let values: Vec<f64> = runs.iter().map(|run| numbers[run.case]).collect();
+            put::<DoubleType, _>(&mut group, &values, None)?;
+            continue;
+        }
         texts(&mut group, runs.iter().map(|run| it.cases[run.case][factor].as_str()).collect())?;
     }
     texts(&mut group, runs.iter().map(|run| it.variants[run.variant].name.as_str()).collect())?;
@@ -191,7 +203,7 @@ fn boxes(table: &Table, at: usize) -> Option<String> {
 fn curves(table: &Table, at: usize) -> Option<String> {
     let it = &table.experiment;
     let [factor] = it.factors.as_slice() else { return None };
-    let xs: Vec<f64> = it.cases.iter().map(|case| case[0].parse().ok()).collect::<Option<_>>()?;
+    let xs = it.numbers(0)?;
     if xs.len() < 2 || table.is_void(at) {
         return None;
     }
@@ -312,7 +324,7 @@ fn numbers<'t>(
     scope: impl Fn(&'t Column) -> &'t Scope,
 ) -> page::Table {
     let places = places_of(table.cases.iter().flat_map(|case| &case.variants), at);
-    let number = |it: f64| format!("{it:.places$}");
+    let number = |it: f64| number(it, places);
     let within = |low: Option<f64>, high: Option<f64>| match (low, high) {
         (Some(low), Some(high)) => format!("{} – {}", number(low), number(high)),
         _ => String::new(),

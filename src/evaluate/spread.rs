@@ -28,18 +28,19 @@ pub fn spread<T: Send>(
     work: impl Fn(&mut Worker<'_>, usize) -> Result<T, Stop> + Sync,
     mut take: impl FnMut(usize, T) -> Result<(), Stop>,
 ) -> Result<(), Stop> {
-    let (next, stopped) = (AtomicUsize::new(0), AtomicBool::new(false));
-    let go = || !stopped.load(Ordering::Relaxed) && goes_on();
+    let (next, failed) = (AtomicUsize::new(0), AtomicBool::new(false));
+    // Jobs that have been begun before an error come to their end: the first error is then the same however they run.
+    let begins = || !failed.load(Ordering::Relaxed) && goes_on();
     let (sender, results) = mpsc::sync_channel(WAITING * threads.max(1));
     let on_a_thread = |sender: mpsc::SyncSender<(usize, Result<T, Stop>)>| {
         let mut worker: Option<(Worker<'_>, usize)> = None;
-        while go() {
+        while begins() {
             let job = next.fetch_add(1, Ordering::Relaxed);
             if job >= count {
                 break;
             }
             if worker.as_ref().is_none_or(|(_, done)| *done >= JOBS_OF_A_WORKER) {
-                match Worker::new(program, &go) {
+                match Worker::new(program, &goes_on) {
                     Ok(new) => worker = Some((new, 0)),
                     Err(stop) => {
                         let _ = sender.send((job, Err(stop)));
@@ -69,9 +70,10 @@ pub fn spread<T: Send>(
             match result.and_then(|it| take(job, it)) {
                 Ok(()) => done += 1,
                 Err(stop) => {
-                    stopped.store(true, Ordering::Relaxed);
-                    // All jobs before a job have been begun before it, so the first error is the same however they run.
-                    first = first.take().filter(|(other, _)| *other < job).or(Some((job, stop)));
+                    failed.store(true, Ordering::Relaxed);
+                    let stays =
+                        |(at, it): &(usize, Stop)| *it != Stop::Asked && (*at < job || stop == Stop::Asked);
+                    first = first.take().filter(stays).or(Some((job, stop)));
                 }
             }
         }

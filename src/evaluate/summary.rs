@@ -44,6 +44,8 @@ pub struct Column {
     pub name: String,
     /// Its edits.
     pub edits: Edits,
+    /// The variant that it runs alike, and whose runs are not done again.
+    pub alike: Option<String>,
     /// How many runs there are.
     pub runs: u64,
     /// How many of these succeeded.
@@ -139,7 +141,9 @@ impl Table {
                 let cell = it.cell(case, variant);
                 let first = (variant > 0).then_some(first);
                 let edits = head.edits[cell].as_ref().unwrap_or(&nothing);
-                Column::of(it, &it.variants[variant].name, edits, &groups[cell], first)
+                let alike = head.stands_for(case, variant).map(|other| it.variants[other].name.clone());
+                let column = Column::of(it, &it.variants[variant].name, edits, &groups[cell], first);
+                Column { alike, ..column }
             };
             Case { text: it.case_text(case), variants: (0..it.variants.len()).map(column).collect() }
         });
@@ -160,12 +164,14 @@ impl Table {
         columns.flat_map(|it| &it.measures[at].all.values).all(|it| *it == 0.0)
     }
 
-    /// Corrects the p of all tests, for the more is tested the more is found.
+    /// Corrects the p of all paired tests of numbers over all runs, for the more is tested the more is found. What is 0 in
+    /// all runs is no test.
     fn correct(&mut self) {
+        let void: Vec<bool> = (0..self.experiment.measures.len()).map(|at| self.is_void(at)).collect();
         let columns = self.cases.iter_mut().flat_map(|case| &mut case.variants);
         let mut all: Vec<&mut Comparison> = columns
-            .flat_map(|column| &mut column.measures)
-            .filter_map(|measure| measure.all.against.as_mut())
+            .flat_map(|column| column.measures.iter_mut().zip(&void))
+            .filter_map(|(measure, void)| measure.all.against.as_mut().filter(|_| !void))
             .collect();
         let ps: Vec<f64> = all.iter().map(|it| it.paired.p).collect();
         for (comparison, p) in all.iter_mut().zip(holm(&ps).unwrap_or_default()) {
@@ -222,6 +228,7 @@ impl Column {
         Column {
             name: name.into(),
             edits: edits.clone(),
+            alike: None,
             runs: runs.len() as u64,
             succeeded,
             rate: wilson(succeeded, runs.len() as u64),
@@ -245,6 +252,7 @@ impl Column {
         json!({
             "variant": self.name,
             "edits": self.edits.to_json(),
+            "runs-as": self.alike,
             "runs": self.runs,
             "succeeded": self.succeeded,
             "rate": self.rate.map(|it| interval(&it)),

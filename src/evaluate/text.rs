@@ -10,6 +10,9 @@ const MOST_WHYS: usize = 3;
 /// Longer reasons are cut, in characters.
 const LONGEST_WHY: usize = 100;
 
+/// Larger numbers are written with a power of ten.
+const HUGE: f64 = 1e9;
+
 /// What stands above the columns.
 const HEAD: [&str; 8] = ["", "mean", "95 %", "median", "against", "95 %", "p", "where both succeed"];
 
@@ -50,7 +53,10 @@ fn of_case(case: &Case, table: &Table) -> String {
     let it = &table.experiment;
     let first = case.variants.first().map_or("", |it| it.name.as_str());
     let mut rows = vec![HEAD.map(str::to_string).to_vec()];
-    rows[0][4] = format!("against {}", safe(first));
+    match case.variants.len() {
+        1 => rows[0].truncate(4),
+        _ => rows[0][4] = format!("against {}", safe(first)),
+    }
     rows.push(vec!["success".into()]);
     rows.extend(case.variants.iter().filter(|it| it.runs > 0).map(success));
     for (at, name) in it.measures.iter().enumerate() {
@@ -63,7 +69,7 @@ fn of_case(case: &Case, table: &Table) -> String {
     }
     let mut out = aligned(&rows);
     for column in &case.variants {
-        out += &remarks(column, first);
+        out += &remarks(column);
     }
     out
 }
@@ -92,7 +98,7 @@ fn measure(column: &Column, at: usize, places: usize) -> Vec<String> {
         cells.push("–".into());
         return cells;
     };
-    let number = |it: f64| format!("{it:.places$}").replace('-', "−");
+    let number = |it: f64| number(it, places);
     cells.push(number(summary.mean));
     cells.push(match (summary.low, summary.high) {
         (Some(low), Some(high)) => format!("{} – {}", number(low), number(high)),
@@ -126,10 +132,17 @@ pub fn difference(it: &Comparison, places: usize) -> (String, String) {
     }
 }
 
+/// With so many digits after the point; with a power of ten if it is huge.
+#[must_use]
+pub fn number(it: f64, places: usize) -> String {
+    let text = if it.abs() < HUGE { format!("{it:.places$}") } else { format!("{it:.3e}") };
+    text.replace('-', "−")
+}
+
 /// With a sign that is as wide as the other one.
 #[must_use]
 pub fn signed(it: f64, places: usize) -> String {
-    let text = format!("{:.places$}", it.abs());
+    let text = number(it.abs(), places);
     let is_zero = !text.chars().any(|c| ('1'..='9').contains(&c));
     match (is_zero, it < 0.0) {
         (true, _) => text,
@@ -156,17 +169,17 @@ pub fn p(it: f64) -> String {
 }
 
 /// What stands below the table: what was not run, and why runs failed.
-fn remarks(column: &Column, first: &str) -> String {
+fn remarks(column: &Column) -> String {
     let name = safe(&column.name);
     let mut out = String::new();
     if let Some(why) = &column.edits.why {
         out += &format!("  {name} was not run: {}\n", safe(why));
-    } else if column.edits.is_void() {
+    } else if let Some(other) = &column.alike {
         let why = column.edits.refused.first();
         let why = why.map_or("no transformation applies".into(), |[name, check, why]| {
             format!("{} was refused ({}): {}", safe(name), safe(check), safe(&cut(why)))
         });
-        out += &format!("  {name} runs as {}: {why}\n", safe(first));
+        out += &format!("  {name} runs as {}: {why}\n", safe(other));
     }
     for (why, n) in column.whys.iter().take(MOST_WHYS) {
         let why = if why.is_empty() { "it says nothing".into() } else { safe(&cut(why)) };

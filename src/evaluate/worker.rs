@@ -45,6 +45,7 @@ pub struct Program {
 /// A session with the program, its experiments, and the variants that it has run.
 pub struct Worker<'a> {
     session: Session,
+    args: Vec<String>,
     experiments: Vec<Value>,
     describe: FnId,
     rehearse: FnId,
@@ -90,7 +91,16 @@ impl<'a> Worker<'a> {
         let (find, describe) = (function("%experiments")?, function("%described")?);
         session.module = module;
         let trees = BTreeMap::new();
-        let mut it = Worker { session, experiments: Vec::new(), describe, rehearse, run, trees, quiet };
+        let mut it = Worker {
+            session,
+            args: program.args.clone(),
+            experiments: Vec::new(),
+            describe,
+            rehearse,
+            run,
+            trees,
+            quiet,
+        };
         let own = match &program.plan {
             Some(plan) => it.own(plan, &program.args)?,
             None => Value::NIL,
@@ -143,16 +153,19 @@ impl<'a> Worker<'a> {
                     "the experiment {name} cannot be run: its `:runs`, `:seed` and `:seeds` are numbers from 0, and each factor has a value"
                 ))
             };
-            runs.and_then(|runs| Experiment::from_json(&json, runs)).ok_or_else(wrong)
+            let experiment = runs.and_then(|runs| Experiment::from_json(&json, runs)).ok_or_else(wrong)?;
+            Ok(Experiment { args: self.args.clone(), ..experiment })
         });
         described.collect()
     }
 
-    /// A number that stands for the texts of the program and the library.
+    /// A number that stands for the texts of the program and the library, and for the version of all else. What the program
+    /// reads while it is loaded is not in it.
     #[must_use]
     pub fn fingerprint(&self) -> String {
         let files = self.session.files.iter().filter(|file| file.name != crate::session::CALL);
-        let sum = files.fold(0, |sum, file| vm::random::mix(sum ^ vm::random::hash_text(&file.text)));
+        let version = vm::random::hash_text(env!("CARGO_PKG_VERSION"));
+        let sum = files.fold(version, |sum, file| vm::random::mix(sum ^ vm::random::hash_text(&file.text)));
         format!("{sum:016x}")
     }
 
@@ -226,7 +239,8 @@ impl<'a> Worker<'a> {
             seed,
             status: text("status"),
             success: json["success"] == true,
-            why: text("why"),
+            // One run, one line.
+            why: text("why").replace(['\n', '\r'], " "),
             numbers,
         })
     }
