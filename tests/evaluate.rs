@@ -201,8 +201,8 @@ fn what_does_not_belong_together_is_not_mixed() {
         Err(Stop::Because(why)) => why,
         _ => panic!("it is another one"),
     };
-    assert!(refused(other).contains("its seed is another"));
-    assert!(refused(args).contains("its args is another"));
+    assert!(refused(other).contains("differs in its seed"));
+    assert!(refused(args).contains("differs in its arguments"));
     assert!(refused(Head { program: "0".into(), ..head.clone() }).contains("program"));
     assert!(refused(Head { shard: Some((1, 2)), ..head.clone() }).contains("another shard"));
     // Numbers that were changed by hand.

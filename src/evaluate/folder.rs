@@ -105,7 +105,8 @@ impl Head {
             "seeds",
         ];
         let named = what.into_iter().find(|key| one[*key] != two[*key]);
-        named.or((self.program != other.program).then_some("program, or the library,"))
+        let named = named.map(|key| if key == "args" { "arguments" } else { key });
+        named.or((self.program != other.program).then_some("program, or in the library"))
     }
 
     /// What is wanted, before anything of it is done.
@@ -338,7 +339,7 @@ impl Folder {
         if let Some((old, done)) = read(path)? {
             if let Some(what) = old.differs(&head) {
                 return Err(format!(
-                    "{} holds runs of something else: its {what} is another; name another folder, or remove this one",
+                    "{} holds runs of something else, which differs in its {what}; name another folder, or remove this one",
                     path.display()
                 ));
             }
@@ -468,7 +469,7 @@ pub fn merge(from: &[(PathBuf, Head, Runs)], into: &Path) -> Result<(Head, Runs)
         let what = head.differs(other).or((head.edits != other.edits).then_some("list of edits"));
         if let Some(what) = what {
             return Err(format!(
-                "{} and {} are of different things: the {what} of one is not that of the other",
+                "{} and {} are of different things, which differ in their {what}",
                 first.display(),
                 path.display()
             ));

@@ -145,7 +145,7 @@ corrections for many tests, and effect sizes.
 $ pleach evaluate plain.plan --runs 2
 main
 plan main · 2 runs of each variant, seeds 1 to 2
-            mean            95 %  median  against none  95 %  p  where both succeed
+            mean            95 %  median
 success
   none   100.0 %    34.2 – 100.0  2 of 2
 seconds
@@ -158,7 +158,7 @@ corrections for many tests, and effect sizes.
 $ pleach evaluate plain.plan --plan main --runs 1
 main
 plan main · one run, seed 1
-            mean          95 %  median  against none  95 %  p  where both succeed
+            mean          95 %  median
 success
   none   100.0 %  20.7 – 100.0  1 of 1
 
@@ -272,6 +272,7 @@ error: expand::failed
 --- exit 0
 $ pleach evaluate day.plan yawning --out r --quiet --runs 6 && ls r/yawning
 evaluation.json
+evaluation.lock
 failures-by-tasks.svg
 failures.svg
 per-task-by-tasks.svg
@@ -291,7 +292,7 @@ plan day · 6 runs of each variant, seeds 1 to 6
 --- exit 0
 $ pleach evaluate day.plan yawning --out r --quiet --runs 6 --accept static
 --- stderr
-error: r/yawning holds runs of something else: its accept is another; name another folder, or remove this one
+error: r/yawning holds runs of something else, which differs in its accept; name another folder, or remove this one
 --- exit 2
 $ pleach evaluate day.plan --shard 1/2
 --- stderr
@@ -335,3 +336,41 @@ $ pleach evaluate day.plan --out day.plan
 --- stderr
 error: cannot write day.plan/yawning: a part of its path is no folder
 --- exit 2
+$ pleach evaluate day.plan --plan day --arg 2 --runs 2 --out a --quiet; pleach evaluate day.plan --plan day --arg 4 --runs 2 --out a --quiet
+--- stderr
+error: a/day holds runs of something else, which differs in its arguments; name another folder, or remove this one
+--- exit 2
+$ pleach evaluate day.plan short --variants none,half,none --runs 2
+--- stderr
+error: the experiment short cannot be evaluated: it has the variant none twice
+--- exit 2
+$ pleach evaluate day.plan short --runs 0
+--- stderr
+error: the experiment short cannot be evaluated: its runs are a number from 1 to 1000000, not 0
+--- exit 2
+$ pleach evaluate day.plan short --seed 9223372036854775807
+--- stderr
+error: the experiment short cannot be evaluated: its seeds go up to 9223372036854775807
+--- exit 2
+$ pleach evaluate day.plan yawning --out r --runs 2 2>&1 >/dev/null
+note: the folder has been asked for 6 runs of each variant, and all of them count
+written: r/yawning/report.html
+--- exit 0
+$ ls -a r
+.
+..
+yawning
+--- exit 0
+$ pleach evaluate plain.plan --variants none --runs 3
+main
+plan main · 3 runs of each variant, seeds 1 to 3
+            mean          95 %  median
+success
+  none   100.0 %  43.9 – 100.0  3 of 3
+seconds
+  none      1.33  −4.40 – 7.07    0.00
+
+p: Student's paired test; of success McNemar's exact one. --json and the report have Welch's, Wilcoxon's and Fisher's tests,
+corrections for many tests, and effect sizes.
+
+--- exit 0

@@ -97,16 +97,20 @@ error: the rehearsal failed
   │ name: nobody
      ╭─[library/transformation.plan:155:7]
  154 │         (unless (member name names)
- 155 │ ╭─▶       (fail transformation-failure
- 156 │ │               :name name
- 157 │ │               :message (if names
- 158 │ │                            (format "there is no transformation ~a; there are: ~a"
- 159 │ │                                    name
- 160 │ │                                    (string-join (map symbol->string names) " "))
- 161 │ │                            (format "there is no transformation ~a, for none is loaded; those of the library are by (use household)"
- 162 │ ├─▶                                  name))))
+ 155 │ ╭─▶       (fail
+ 156 │ │          transformation-failure
+ 157 │ │          :name name
+ 158 │ │          :message
+ 159 │ │            (if
+ 160 │ │             names
+ 161 │ │             (format "there is no transformation ~a; there are: ~a"
+ 162 │ │                     name
+ 163 │ │                     (string-join (map symbol->string names) " "))
+ 164 │ │             (format
+ 165 │ │              "there is no transformation ~a, for none is loaded; those of the library are by (use household)"
+ 166 │ ├─▶            name))))
      · ╰──── failed here
- 163 │         name))
+ 167 │         name))
      ╰────
 --- exit 2
 $ pleach transform day.plan --list
@@ -239,15 +243,15 @@ $ pleach transform circle.plan --list
   × transformation-failure: the priorities go in a circle: a before b before a
   │ in top-level
   │ name: a
-     ╭─[library/transformation.plan:225:10]
- 224 │            (let ((name (get (first left) :name)))
- 225 │ ╭─▶          (fail transformation-failure
- 226 │ │                  :name name
- 227 │ │                  :message (format "the priorities go in a circle: ~a"
- 228 │ │                                   (string-join (map symbol->string (%circle name before nil))
- 229 │ ├─▶                                              " before "))))))))
+     ╭─[library/transformation.plan:229:10]
+ 228 │            (let ((name (get (first left) :name)))
+ 229 │ ╭─▶          (fail transformation-failure
+ 230 │ │                  :name name
+ 231 │ │                  :message (format "the priorities go in a circle: ~a"
+ 232 │ │                                   (string-join (map symbol->string (%circle name before nil))
+ 233 │ ├─▶                                              " before "))))))))
      · ╰──── failed here
- 230 │     
+ 234 │     
      ╰────
 --- exit 2
 $ pleach transform fails.plan
@@ -339,11 +343,11 @@ $ pleach transform day.plan --plan nap --arg 1
 error: the rehearsal failed
   × arity-error: `nap` takes 0 arguments, got 1
   │ in top-level
-     ╭─[library/transformation.plan:472:3]
- 471 │ (def-fun %run (state tree seed)
- 472 │   (project (get state :plan) :args (get state :args) :tree tree :seed seed))
+     ╭─[library/transformation.plan:476:3]
+ 475 │ (def-fun %run (state tree seed)
+ 476 │   (project (get state :plan) :args (get state :args) :tree tree :seed seed))
      ·   ────────────────────────────────────┬────────────────────────────────────
      ·                                       ╰── failed here
- 473 │ 
+ 477 │ 
      ╰────
 --- exit 2
