@@ -244,7 +244,8 @@ fn html(table: &Table) -> String {
     sections.push(edits(table));
     let lead = heading(table);
     let (_, lead) = lead.split_once('\n').unwrap_or(("", &lead));
-    page::page(&it.name, &format!("{}\n{lead}", it.doc), &sections)
+    let doc = it.doc.split_whitespace().collect::<Vec<_>>().join(" ");
+    page::page(&it.name, format!("{doc} {lead}").trim(), &sections)
 }
 
 /// A case and a variant as the first cells of a row.
