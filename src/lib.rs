@@ -13,7 +13,6 @@ pub mod evaluate;
 pub mod files;
 mod import;
 pub mod inline;
-pub mod markup;
 pub mod query;
 pub mod read;
 pub mod rehearse;

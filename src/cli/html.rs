@@ -4,8 +4,8 @@
 //! once. Names and values come from programs and files: in the JSON no `<` is left that could end it, the script puts
 //! all of them into the page as text, and the policy of the page runs no script but its own and fetches nothing.
 
-use pleach::markup::escaped;
 use serde_json::{Value as Json, json};
+use vm::show::markup;
 
 /// The page: what stands between `{{` and `}}` is filled in.
 const PAGE: &str = include_str!("tree.html");
@@ -15,7 +15,7 @@ pub fn page(title: &str, about: &str, nodes: &[Json], edits: &[String]) -> Strin
     let data = json!({"about": about, "edits": edits, "nodes": nodes, "title": title});
     let (head, rest) = PAGE.split_once("{{title}}").expect("the page has a title");
     let (middle, end) = rest.split_once("{{data}}").expect("the page has a place for its data");
-    format!("{head}{}{middle}{}{end}", escaped(title), in_script(&data))
+    format!("{head}{}{middle}{}{end}", markup(title), in_script(&data))
 }
 
 /// As the content of a script that is only data: letters that mean something to HTML are written by their numbers, which

@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use crate::markup::escaped;
+use vm::show::markup;
 
 /// A part of a report.
 #[derive(Debug, Clone, Default)]
@@ -58,14 +58,14 @@ figure { margin: 1.2rem 0; overflow-x: auto; }
 /// The page. `lead`: what stands below the title. All texts may be from anywhere; only pictures are markup.
 #[must_use]
 pub fn page(title: &str, lead: &str, sections: &[Section]) -> String {
-    let mut body = format!("<h1>{}</h1>\n", escaped(title));
+    let mut body = format!("<h1>{}</h1>\n", markup(title));
     if !lead.is_empty() {
-        let _ = writeln!(body, "<p class=\"lead\">{}</p>", escaped(lead));
+        let _ = writeln!(body, "<p class=\"lead\">{}</p>", markup(lead));
     }
     if sections.len() > 2 {
         let links = sections.iter().enumerate();
         let links: String =
-            links.map(|(at, it)| format!("<a href=\"#s{at}\">{}</a> ", escaped(&it.heading))).collect();
+            links.map(|(at, it)| format!("<a href=\"#s{at}\">{}</a> ", markup(&it.heading))).collect();
         let _ = writeln!(body, "<nav>{}</nav>", links.trim_end());
     }
     for (at, section) in sections.iter().enumerate() {
@@ -75,14 +75,14 @@ pub fn page(title: &str, lead: &str, sections: &[Section]) -> String {
         "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
          <meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; style-src 'unsafe-inline'; base-uri 'none'; form-action 'none'\">\n\
          <meta name=\"viewport\" content=\"width=device-width\">\n<title>{}</title>\n<style>{STYLE}</style>\n</head>\n<body>\n{body}</body>\n</html>\n",
-        escaped(title)
+        markup(title)
     )
 }
 
 fn write_section(body: &mut String, at: usize, section: &Section) {
-    let _ = writeln!(body, "<section id=\"s{at}\">\n<h2>{}</h2>", escaped(&section.heading));
+    let _ = writeln!(body, "<section id=\"s{at}\">\n<h2>{}</h2>", markup(&section.heading));
     for paragraph in &section.text {
-        let _ = writeln!(body, "<p>{}</p>", escaped(paragraph));
+        let _ = writeln!(body, "<p>{}</p>", markup(paragraph));
     }
     for table in &section.tables {
         write_table(body, table);
@@ -98,14 +98,14 @@ fn write_table(body: &mut String, table: &Table) {
     let right: Vec<bool> = (0..columns).map(|column| is_numeric(table, column)).collect();
     let cell = |tag: &str, column: usize, row: &[String]| {
         let class = if right[column] { " class=\"r\"" } else { "" };
-        let text = row.get(column).map_or(String::new(), |text| escaped(text));
+        let text = row.get(column).map_or(String::new(), |text| markup(text));
         format!("<{tag}{class}>{text}</{}>", tag.split(' ').next().unwrap_or_default())
     };
     let line =
         |tag: &str, row: &[String]| (0..columns).map(|column| cell(tag, column, row)).collect::<String>();
     *body += "<div class=\"wide\"><table>\n";
     if !table.caption.is_empty() {
-        let _ = writeln!(body, "<caption>{}</caption>", escaped(&table.caption));
+        let _ = writeln!(body, "<caption>{}</caption>", markup(&table.caption));
     }
     let _ = writeln!(body, "<thead><tr>{}</tr></thead>\n<tbody>", line("th scope=\"col\"", &table.head));
     for row in &table.rows {

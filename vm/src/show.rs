@@ -23,6 +23,24 @@ pub fn safe(text: &str) -> String {
     text.chars().flat_map(|c| if c.is_control() { c.escape_default().collect() } else { vec![c] }).collect()
 }
 
+/// Text from elsewhere as text or attribute of HTML and XML, which can have control characters in no way.
+#[must_use]
+pub fn markup(text: &str) -> String {
+    let mut markup = String::with_capacity(text.len());
+    for letter in safe(text).chars() {
+        match letter {
+            '&' => markup.push_str("&amp;"),
+            '<' => markup.push_str("&lt;"),
+            '>' => markup.push_str("&gt;"),
+            '"' => markup.push_str("&quot;"),
+            '\'' => markup.push_str("&#39;"),
+            '\u{FFFE}' | '\u{FFFF}' => markup.push('\u{FFFD}'),
+            _ => markup.push(letter),
+        }
+    }
+    markup
+}
+
 /// The parameter of a performed action, as the code of edits names it, too.
 const DESCRIPTION: &str = "description";
 

@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 
 use super::axis::Axis;
-use crate::markup::escaped;
+use vm::show::markup;
 
 /// Classes instead of colours, so that a dark page can have others. A picture may stand in a page with others, so everything
 /// is below `.plot`.
@@ -203,15 +203,14 @@ impl Canvas {
         canvas.line("axis", (frame.left, frame.top), (frame.left, frame.bottom()));
         canvas.line("axis", (frame.left, frame.bottom()), (frame.right(), frame.bottom()));
         let place = format!("transform=\"rotate(-90 18 {0})\" x=\"18\" y=\"{0}\"", n(middle));
-        let _ = writeln!(canvas.0, "<text class=\"mid\" {place}>{}</text>", escaped(&frame.axis));
+        let _ = writeln!(canvas.0, "<text class=\"mid\" {place}>{}</text>", markup(&frame.axis));
         canvas
     }
 
     /// What follows has a colour, and a text that a viewer shows under the mouse.
     pub fn open(&mut self, colour: usize, told: &str) {
         let again = if colour >= COLOURS { " again" } else { "" };
-        let _ =
-            writeln!(self.0, "<g class=\"c{}{again}\"><title>{}</title>", colour % COLOURS, escaped(told));
+        let _ = writeln!(self.0, "<g class=\"c{}{again}\"><title>{}</title>", colour % COLOURS, markup(told));
     }
 
     pub fn close(&mut self) {
@@ -259,7 +258,7 @@ impl Canvas {
 
     pub fn text(&mut self, class: &str, (x, y): (f64, f64), text: &str) {
         let class = if class.is_empty() { String::new() } else { format!(" class=\"{class}\"") };
-        let _ = writeln!(self.0, "<text{class} x=\"{}\" y=\"{}\">{}</text>", n(x), n(y), escaped(text));
+        let _ = writeln!(self.0, "<text{class} x=\"{}\" y=\"{}\">{}</text>", n(x), n(y), markup(text));
     }
 
     /// A text that ends here and comes from below; `whole` is shown under the mouse.
@@ -268,8 +267,8 @@ impl Canvas {
         let _ = writeln!(
             self.0,
             "<text class=\"end\" transform=\"rotate(-35 {x} {y})\" x=\"{x}\" y=\"{y}\"><title>{}</title>{}</text>",
-            escaped(whole),
-            escaped(text)
+            markup(whole),
+            markup(text)
         );
     }
 
@@ -280,7 +279,7 @@ impl Canvas {
             "<svg xmlns=\"http://www.w3.org/2000/svg\" class=\"plot\" role=\"img\" width=\"{width}\" height=\"{height}\" \
              viewBox=\"0 0 {width} {height}\">\n<title>{}</title>\n<style>{STYLE}</style>\n\
              <rect class=\"bg\" width=\"100%\" height=\"100%\"/>\n{body}</svg>\n",
-            escaped(title)
+            markup(title)
         )
     }
 }

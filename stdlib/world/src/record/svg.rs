@@ -4,23 +4,14 @@ use std::fmt::Write as _;
 
 use nalgebra::Vector2;
 
-/// A name, or another text that somebody else has written, as XML takes it. Control characters have no place in XML, not even
-/// escaped.
+/// A name, or another text that somebody else has written, in one line of a picture.
 pub fn escaped(text: &str) -> String {
-    let mut safe = String::with_capacity(text.len());
-    for letter in text.chars() {
-        match letter {
-            '&' => safe.push_str("&amp;"),
-            '<' => safe.push_str("&lt;"),
-            '>' => safe.push_str("&gt;"),
-            '"' => safe.push_str("&quot;"),
-            '\'' => safe.push_str("&#39;"),
-            '\n' | '\t' => safe.push(' '),
-            _ if letter.is_control() || matches!(letter, '\u{FFFE}' | '\u{FFFF}') => safe.push('\u{FFFD}'),
-            _ => safe.push(letter),
-        }
-    }
-    safe
+    let shown = |letter: char| match letter {
+        '\n' | '\t' => ' ',
+        letter if letter.is_control() => '\u{FFFD}',
+        letter => letter,
+    };
+    vm::show::markup(&text.chars().map(shown).collect::<String>())
 }
 
 /// A text that is not too long to be drawn.
