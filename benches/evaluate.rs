@@ -70,22 +70,21 @@ fn all() {
 /// Evaluates the experiment into an empty folder, and writes its report. How many runs that were.
 fn evaluated(file: &Path, runs: u64, threads: usize, seed: u64, folder: &Path) -> usize {
     let _ = std::fs::remove_dir_all(folder);
-    let head = head(&program(file, &["none", "both-hands"]), runs, seed);
-    let all = evaluate(&program(file, &["none", "both-hands"]), (0, head), threads, Some(folder), &Patient);
+    let program = program(file, &["none", "both-hands"], runs, seed);
+    let all = evaluate(&program, (0, head(&program)), threads, Some(folder), &Patient);
     let Ok(all) = all else { panic!("it can be evaluated") };
     report::write(folder, &Table::of(&all.head, &all.runs), &all.runs, &[]).expect("it can be written");
     all.runs.len()
 }
 
-fn program(file: &Path, variants: &[&str]) -> Program {
+fn program(file: &Path, variants: &[&str], runs: u64, seed: u64) -> Program {
     let variants = variants.iter().map(|it| (*it).to_string()).collect();
-    Program { file: file.into(), variants, ..Program::default() }
+    Program { file: file.into(), variants, runs: Some(runs), seed: Some(seed), ..Program::default() }
 }
 
-fn head(program: &Program, runs: u64, seed: u64) -> Head {
+fn head(program: &Program) -> Head {
     let mut worker = Worker::new(program, &|| true).expect("it can be loaded");
-    let mut experiment = worker.experiments().expect("they are right").remove(0);
-    (experiment.runs, experiment.seed) = (runs, seed);
+    let experiment = worker.experiments().expect("they are right").remove(0);
     Head::new(experiment, worker.fingerprint(), String::new(), None)
 }
 
@@ -111,8 +110,8 @@ fn overhead(file: &Path, folder: &Path, turn: usize) -> f64 {
     };
     let harness = || {
         let _ = std::fs::remove_dir_all(folder);
-        let program = program(file, &["none"]);
-        let head = head(&program, OF_A_TURN, seed);
+        let program = program(file, &["none"], OF_A_TURN, seed);
+        let head = head(&program);
         let (all, ns) = measure::timed(|| evaluate(&program, (0, head), 1, Some(folder), &Patient));
         assert!(all.is_ok(), "it can be evaluated");
         ns

@@ -164,6 +164,12 @@ fn read_up_to(path: &Path, largest: u64) -> Result<String, String> {
     })
 }
 
+/// That a file cannot be written, and why.
+#[must_use]
+pub fn cannot_write(path: &Path, error: &std::io::Error) -> String {
+    format!("cannot write {}: {}", path.display(), why(error))
+}
+
 /// Why input or output did not work, in the same words on every system where there are such.
 #[must_use]
 pub fn why(error: &std::io::Error) -> String {

@@ -162,7 +162,7 @@ impl Host for Door<'_> {
             Request::WriteFile { path, text } => {
                 granted("write", path, &self.grants.write)?;
                 std::fs::write(path, text)
-                    .map_err(|error| format!("cannot write {path}: {}", crate::files::why(&error)))?;
+                    .map_err(|error| crate::files::cannot_write(Path::new(path), &error))?;
                 Ok(Json::Null)
             }
             Request::LoadTree { store, tree, version } => {

@@ -137,7 +137,7 @@ fn examples_print_what_stands_beside_them() {
 #[test]
 fn examples_and_the_library_are_formatted() {
     let mut problems = Vec::new();
-    for folder in ["examples", "stdlib/plans", "stdlib/world"] {
+    for folder in ["examples", "stdlib/plans", "stdlib/world", "src/evaluate"] {
         for path in files_below(Path::new(folder), ".plan") {
             let text = std::fs::read_to_string(&path).expect("it was listed");
             if grammar::format(&text).is_ok_and(|formatted| formatted != text) {

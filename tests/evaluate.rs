@@ -14,30 +14,10 @@ use pleach::evaluate::worker::{Program, Worker};
 use pleach::evaluate::{Experiment, Stop};
 
 use crate::dice::Dice;
+use crate::folder::Folder;
 
 /// A plan with waste, luck, and a way to fail.
 const NAPS: &str = "tests/evaluate/naps.plan";
-
-/// A folder of its own, which goes with the test.
-struct Temporary(PathBuf);
-
-impl Temporary {
-    fn new(name: &str) -> Temporary {
-        let path = std::env::temp_dir().join(format!("pleach-evaluate-{}-{name}", std::process::id()));
-        let _ = std::fs::remove_dir_all(&path);
-        std::fs::create_dir_all(&path).expect("a folder can be made");
-        Temporary(path)
-    }
-    fn join(&self, name: &str) -> PathBuf {
-        self.0.join(name)
-    }
-}
-
-impl Drop for Temporary {
-    fn drop(&mut self) {
-        let _ = std::fs::remove_dir_all(&self.0);
-    }
-}
 
 /// Says no when it has been asked so often.
 struct Patience(AtomicUsize);
@@ -97,7 +77,7 @@ fn assert_same(one: &Path, other: &Path) {
 
 #[test]
 fn the_same_numbers_on_any_number_of_threads() {
-    let folder = Temporary::new("threads");
+    let folder = Folder::new("evaluate-threads", &[]);
     let program = program(NAPS);
     let head = head(&program, 12);
     done(&program, &head, 1, &folder.join("one"));
@@ -108,7 +88,7 @@ fn the_same_numbers_on_any_number_of_threads() {
 /// Stopped a little later each time, with the end of the last line cut off now and then.
 #[test]
 fn a_stopped_evaluation_goes_on_where_it_was() {
-    let folder = Temporary::new("stopped");
+    let folder = Folder::new("evaluate-stopped", &[]);
     let program = program(NAPS);
     let head = head(&program, 5);
     done(&program, &head, 1, &folder.join("whole"));
@@ -139,7 +119,7 @@ fn a_stopped_evaluation_goes_on_where_it_was() {
 
 #[test]
 fn more_runs_go_on_with_those_that_there_are() {
-    let folder = Temporary::new("more");
+    let folder = Folder::new("evaluate-more", &[]);
     let program = program(NAPS);
     done(&program, &head(&program, 4), 1, &folder.join("more"));
     done(&program, &head(&program, 9), 1, &folder.join("more"));
@@ -149,7 +129,7 @@ fn more_runs_go_on_with_those_that_there_are() {
 
 #[test]
 fn trees_that_were_left_behind_are_found_again() {
-    let folder = Temporary::new("trees");
+    let folder = Folder::new("evaluate-trees", &[]);
     let program = program(NAPS);
     let path = folder.join("one");
     done(&program, &head(&program, 3), 1, &path);
@@ -164,7 +144,7 @@ fn trees_that_were_left_behind_are_found_again() {
 
 #[test]
 fn shards_are_merged_in_any_order_and_merging_again_changes_nothing() {
-    let folder = Temporary::new("shards");
+    let folder = Folder::new("evaluate-shards", &[]);
     let program = program(NAPS);
     let head = head(&program, 11);
     done(&program, &head, 2, &folder.join("whole"));
@@ -186,7 +166,7 @@ fn shards_are_merged_in_any_order_and_merging_again_changes_nothing() {
 
 #[test]
 fn what_does_not_belong_together_is_not_mixed() {
-    let folder = Temporary::new("mixed");
+    let folder = Folder::new("evaluate-mixed", &[]);
     let program = program(NAPS);
     let head = head(&program, 3);
     let path = folder.join("one");
@@ -219,7 +199,7 @@ fn what_does_not_belong_together_is_not_mixed() {
 /// What is wrong is said alike however many threads there are, and not as if somebody had stopped it.
 #[test]
 fn the_first_error_is_said() {
-    let folder = Temporary::new("errors");
+    let folder = Folder::new("evaluate-errors", &[]);
     let file = folder.join("wrong.plan");
     let text = r#"
         (use experiment)
@@ -229,8 +209,8 @@ fn the_first_error_is_said() {
     std::fs::write(&file, text).expect("it can be written");
     let program = Program { file, ..Program::default() };
     let why = |threads: usize, seed: u64| {
-        let mut head = head(&program, 40);
-        head.experiment.seed = seed;
+        let program = Program { seed: Some(seed), ..program.clone() };
+        let head = head(&program, 40);
         match evaluate(&program, (0, head), threads, None, &Patience::endless()) {
             Err(Stop::Because(why)) => why,
             Err(Stop::Asked) => panic!("nobody has asked"),
@@ -245,7 +225,7 @@ fn the_first_error_is_said() {
 /// Nothing is left out that would not run as another variant does.
 #[test]
 fn only_what_runs_as_another_variant_is_left_out() {
-    let folder = Temporary::new("void");
+    let folder = Folder::new("evaluate-void", &[]);
     let file = folder.join("void.plan");
     let text = r#"
         (use experiment)
@@ -293,7 +273,7 @@ fn a_run_can_be_done_by_itself() {
 /// Bytes are changed and cut off: it is read, or said what is wrong with it.
 #[test]
 fn damaged_folders_are_said_to_be() {
-    let folder = Temporary::new("damaged");
+    let folder = Folder::new("evaluate-damaged", &[]);
     let program = program(NAPS);
     let path = folder.join("one");
     done(&program, &head(&program, 3), 1, &path);
@@ -319,7 +299,7 @@ fn damaged_folders_are_said_to_be() {
 
 #[test]
 fn other_programs_read_the_runs() {
-    let folder = Temporary::new("formats");
+    let folder = Folder::new("evaluate-formats", &[]);
     let program = program(NAPS);
     let path = folder.join("one");
     done(&program, &head(&program, 6), 1, &path);
@@ -351,7 +331,7 @@ fn other_programs_read_the_runs() {
 /// Texts that a table would take for formulas, and texts with its own signs in them.
 #[test]
 fn texts_stay_texts() {
-    let folder = Temporary::new("texts");
+    let folder = Folder::new("evaluate-texts", &[]);
     let file = folder.join("evil.plan");
     let text = r#"
         (use experiment)
@@ -383,19 +363,12 @@ fn gnu_parallel_does_the_shards() {
     if !there.is_ok_and(|it| String::from_utf8_lossy(&it.stdout).contains("GNU")) {
         return println!("GNU parallel is not installed: `.ci/install-parallel` does it");
     }
-    let folder = Temporary::new("parallel");
+    let folder = Folder::new("evaluate-parallel", &[]);
     let recipe = include_str!("../stdlib/plans/EXPERIMENTS.md");
     let (_, recipe) = recipe.split_once("<!-- GNU parallel -->\n```sh\n").expect("there is a recipe");
     let (recipe, _) = recipe.split_once("```").expect("it ends");
     std::fs::copy(NAPS, folder.join("kitchen.plan")).expect("it can be copied");
-    let binary = Path::new(env!("CARGO_BIN_EXE_pleach")).parent().expect("it is in a folder");
-    let path = format!("{}:{}", binary.display(), std::env::var("PATH").unwrap_or_default());
-    let output = Command::new("sh")
-        .args(["-ec", recipe])
-        .current_dir(&folder.0)
-        .env("PATH", path)
-        .output()
-        .expect("it can be called");
+    let output = folder.shell(&format!("set -e\n{recipe}"));
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let program = program(NAPS);
     done(&program, &head(&program, 200), 2, &folder.join("whole"));

@@ -19,6 +19,7 @@ mod docs;
 mod evaluate;
 mod expected;
 mod fluents;
+mod folder;
 mod fuzz_regressions;
 mod inlined;
 mod limits;

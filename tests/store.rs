@@ -1,27 +1,12 @@
 //! Stores of runs: killed and resumed, continued with edits, and from the language.
 
-use std::path::{Path, PathBuf};
-use std::process::{Command, Output, Stdio};
+use std::path::Path;
+use std::process::{Output, Stdio};
 use std::time::Duration;
 
-/// A folder of its own, which goes with the test.
-struct Folder(PathBuf);
+use crate::folder::Folder;
 
 impl Folder {
-    fn new(name: &str, files: &[(&str, &str)]) -> Folder {
-        let path = std::env::temp_dir().join(format!("pleach-stores-{}-{name}", std::process::id()));
-        let _ = std::fs::remove_dir_all(&path);
-        std::fs::create_dir_all(&path).expect("a folder can be made");
-        for (name, text) in files {
-            std::fs::write(path.join(name), text).expect("a file can be written");
-        }
-        Folder(path)
-    }
-    fn command(&self, args: &str) -> Command {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_pleach"));
-        command.args(args.split_whitespace()).current_dir(&self.0).stdin(Stdio::null());
-        command
-    }
     #[track_caller]
     fn run(&self, args: &str) -> Output {
         self.command(args).output().expect("it can be called")
@@ -32,12 +17,6 @@ impl Folder {
         let output = self.run(args);
         assert!(output.status.success(), "{args}: {}", String::from_utf8_lossy(&output.stderr));
         String::from_utf8_lossy(&output.stdout).into_owned()
-    }
-}
-
-impl Drop for Folder {
-    fn drop(&mut self) {
-        let _ = std::fs::remove_dir_all(&self.0);
     }
 }
 
@@ -210,7 +189,7 @@ fn edits_that_hold_no_more_are_listed() {
     let folder = Folder::new("orphans", &[("e.plan", EDITED)]);
     folder.said("run e.plan --plan improve --allow write=. --quiet");
     let changed = EDITED.replace("(fetch what) (put what)", "(fetch what)");
-    std::fs::write(folder.0.join("e.plan"), changed).expect("a file can be written");
+    std::fs::write(folder.join("e.plan"), changed).expect("a file can be written");
     let output = folder.run("run e.plan --store t.store --tree kitchen --quiet");
     let error = String::from_utf8_lossy(&output.stderr);
     assert!(
@@ -270,7 +249,7 @@ fn edits_say_who_made_them() {
 fn what_is_exported_can_be_replayed_elsewhere() {
     let folder = work("transfer");
     folder.said("run work.plan --allow read=. --allow write=. --quiet --store a.store");
-    std::fs::write(folder.0.join("e.plan"), EDITED).expect("a file can be written");
+    std::fs::write(folder.join("e.plan"), EDITED).expect("a file can be written");
     folder.said("run e.plan --plan improve --allow write=. --quiet --store t.store");
     folder.said("run e.plan --store t.store --tree kitchen --quiet");
     for store in ["a", "t"] {
@@ -281,9 +260,9 @@ fn what_is_exported_can_be_replayed_elsewhere() {
     }
     // Where neither the programs nor the files are that they read.
     let elsewhere = Folder::new("transferred", &[]);
-    std::fs::rename(folder.0.join("b.store"), elsewhere.0.join("b.store")).expect("it can be moved");
-    std::fs::remove_file(folder.0.join("work.plan")).expect("it is there");
-    std::fs::remove_file(folder.0.join("e.plan")).expect("it is there");
+    std::fs::rename(folder.join("b.store"), elsewhere.join("b.store")).expect("it can be moved");
+    std::fs::remove_file(folder.join("work.plan")).expect("it is there");
+    std::fs::remove_file(folder.join("e.plan")).expect("it is there");
     elsewhere.said("store check b.store");
     let tree = |folder: &Folder, args: &str| {
         let json: serde_json::Value = serde_json::from_str(&folder.said(args)).expect("it is JSON");
@@ -304,10 +283,10 @@ fn damaged_exports_are_errors_with_a_place() {
     folder.said("run e.plan --plan improve --allow write=. --quiet --store t.store");
     folder.said("run e.plan --store t.store --tree kitchen --quiet");
     folder.said("store export t.store t.json");
-    let text = std::fs::read_to_string(folder.0.join("t.json")).expect("it was written");
+    let text = std::fs::read_to_string(folder.join("t.json")).expect("it was written");
     let import = |text: &str| {
-        std::fs::write(folder.0.join("bad.json"), text).expect("a file can be written");
-        let _ = std::fs::remove_file(folder.0.join("new.store"));
+        std::fs::write(folder.join("bad.json"), text).expect("a file can be written");
+        let _ = std::fs::remove_file(folder.join("new.store"));
         let output = folder.run("store import new.store bad.json");
         assert!(output.status.code().is_some_and(|code| code <= 2), "{:?}", output.status);
         (output.status.code(), String::from_utf8_lossy(&output.stderr).into_owned())

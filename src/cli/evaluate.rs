@@ -11,7 +11,7 @@ use pleach::evaluate::report::{self, Format};
 use pleach::evaluate::summary::Table;
 use pleach::evaluate::work::{Evaluated, Watch, evaluate};
 use pleach::evaluate::worker::{Program, Worker};
-use pleach::evaluate::{Experiment, Stop, text};
+use pleach::evaluate::{Experiment, Stop, file_name, text};
 use serde_json::json;
 use vm::limits::{Grants, Limits};
 use vm::show::safe;
@@ -197,6 +197,8 @@ fn program(it: &Evaluate) -> Result<Program, Trouble> {
         variants: it.variants.clone(),
         accept: it.accept.clone(),
         seeds: it.seeds,
+        seed: it.seed,
+        runs: it.runs,
         // Each session does many runs.
         options: Options {
             limits: Limits { fuel: u64::MAX / 2, ..Limits::default() },
@@ -234,13 +236,7 @@ fn chosen(it: &Evaluate, all: Vec<Experiment>) -> Result<Vec<(usize, Experiment)
         }
     }
     let meant = |name: &String| it.names.is_empty() || it.names.contains(name);
-    let as_said = |experiment: Experiment| Experiment {
-        runs: it.runs.unwrap_or(experiment.runs),
-        seed: it.seed.unwrap_or(experiment.seed),
-        ..experiment
-    };
-    let chosen = all.into_iter().enumerate().filter(|(_, experiment)| meant(&experiment.name));
-    Ok(chosen.map(|(at, experiment)| (at, as_said(experiment))).collect())
+    Ok(all.into_iter().enumerate().filter(|(_, experiment)| meant(&experiment.name)).collect())
 }
 
 /// That all of them can be evaluated, and do not get into each other's way, before the first of them begins.
@@ -291,11 +287,7 @@ fn list(chosen: &[(usize, Experiment)], as_json: bool) -> u8 {
 
 /// Where the runs of an experiment are kept.
 fn folder_of(out: &Path, shard: Option<(u64, u64)>, it: &Experiment) -> PathBuf {
-    let name = it.name.trim_start_matches('.');
-    let name: String = if name.is_empty() { "-" } else { name }
-        .chars()
-        .map(|c| if c.is_alphanumeric() || "-_+.".contains(c) { c } else { '-' })
-        .collect();
+    let name = file_name(&it.name);
     match shard {
         Some((shard, of)) => out.join(format!("shard-{shard}-of-{of}")).join(name),
         None => out.join(name),

@@ -28,7 +28,7 @@ impl Records {
                 return Err(Trouble::new(what, format!("choose another name after {option}")));
             }
             let cannot = |error| {
-                let what = format!("cannot write {}: {}", path.display(), pleach::files::why(&error));
+                let what = pleach::files::cannot_write(path, &error);
                 Trouble::new(what, format!("name a file in a folder that is there: {option} FILE"))
             };
             File::create(path).map(|file| Some((path.clone(), file))).map_err(cannot)
@@ -67,9 +67,8 @@ impl Records {
         }
         let put = |file: Option<(PathBuf, File)>, text: &dyn Fn() -> String| {
             let Some((path, mut file)) = file else { return Ok(()) };
-            file.write_all(text().as_bytes()).map_err(|error| {
-                Trouble::from(format!("cannot write {}: {}", path.display(), pleach::files::why(&error)))
-            })
+            let cannot = |error| Trouble::from(pleach::files::cannot_write(&path, &error));
+            file.write_all(text().as_bytes()).map_err(cannot)
         };
         let plan = job.plan.clone().unwrap_or_else(|| "main".into());
         put(self.record, &|| {

@@ -52,7 +52,7 @@ pub fn export(store: &Store, file: &Path) -> Answer {
             format!("{} is there already, and is not overwritten", file.display()),
             "choose another name",
         ),
-        _ => Trouble::from(format!("cannot write {}: {}", file.display(), pleach::files::why(&error))),
+        _ => Trouble::from(pleach::files::cannot_write(file, &error)),
     })?;
     term::complain(&format!("{} in {}\n", count(versions.len(), "version"), file.display()));
     Ok(if left_out > 0 { FAILED } else { 0 })

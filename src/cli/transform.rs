@@ -298,9 +298,7 @@ fn emit(it: &Transform, job: &Job, rehearsal: &Rehearsal, out: &Path) -> Result<
         }
     };
     let whole = format!("{}\n\n{}\n", text.trim_end(), better.trim_end());
-    std::fs::write(out, whole).map_err(|error| {
-        Trouble::from(format!("cannot write {}: {}", out.display(), pleach::files::why(&error)))
-    })?;
+    std::fs::write(out, whole).map_err(|error| Trouble::from(pleach::files::cannot_write(out, &error)))?;
     let plan = job.plan.as_deref().unwrap_or("main");
     let more =
         it.rehearsing.rules.iter().map(|rules| {

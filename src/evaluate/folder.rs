@@ -17,6 +17,7 @@ use store::{Store, StoreError, Writer};
 use vm::persist::SavedTree;
 
 use super::{Edits, Experiment, Run, Stop, list};
+use crate::files::cannot_write;
 
 /// The version of the files.
 const FORMAT: u64 = 1;
@@ -310,15 +311,13 @@ fn run_of(it: &Experiment, cells: &[&str]) -> Option<Run> {
 /// It cannot be written.
 pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), String> {
     let beside = path.with_extension("part");
-    let cannot =
-        |error: std::io::Error| format!("cannot write {}: {}", path.display(), crate::files::why(&error));
     let write = || {
         let mut file = File::create(&beside)?;
         file.write_all(bytes)?;
         file.sync_all()?;
         std::fs::rename(&beside, path)
     };
-    write().map_err(cannot)
+    write().map_err(|error| cannot_write(path, &error))
 }
 
 impl Folder {
@@ -328,8 +327,7 @@ impl Folder {
     /// # Errors
     /// It cannot be written, is damaged, or holds the runs of something else.
     pub fn open(path: &Path, mut head: Head) -> Result<(Folder, Runs), String> {
-        let cannot =
-            |error: std::io::Error| format!("cannot write {}: {}", path.display(), crate::files::why(&error));
+        let cannot = |error| cannot_write(path, &error);
         std::fs::create_dir_all(path).map_err(cannot)?;
         let lock = File::create(path.join(LOCK)).map_err(cannot)?;
         if store::lock_file(&lock).is_err() {
@@ -422,10 +420,8 @@ impl Folder {
     /// It cannot be written.
     pub fn add(&mut self, run: &Run) -> Result<(), Stop> {
         let bytes = line(&cells(&self.head.experiment, run))?;
-        self.runs.write_all(&bytes).map_err(|error| {
-            let path = self.path.join(RUNS);
-            Stop::Because(format!("cannot write {}: {}", path.display(), crate::files::why(&error)))
-        })
+        let cannot = |error| Stop::Because(cannot_write(&self.path.join(RUNS), &error));
+        self.runs.write_all(&bytes).map_err(cannot)
     }
 
     /// All runs in their order instead of that of the clock.
@@ -435,10 +431,8 @@ impl Folder {
     pub fn finish(&mut self, runs: &Runs) -> Result<(), String> {
         let path = self.path.join(RUNS);
         write_whole(&path, &csv(&self.head.experiment, runs)?)?;
-        self.runs = OpenOptions::new()
-            .append(true)
-            .open(&path)
-            .map_err(|error| format!("cannot write {}: {}", path.display(), crate::files::why(&error)))?;
+        let file = OpenOptions::new().append(true).open(&path);
+        self.runs = file.map_err(|error| cannot_write(&path, &error))?;
         Ok(())
     }
 }

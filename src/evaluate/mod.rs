@@ -184,6 +184,16 @@ impl Variant {
     }
 }
 
+/// A name as that of a file or folder, which stays in its place.
+#[must_use]
+pub fn file_name(name: &str) -> String {
+    let safe = |c: char| if c.is_alphanumeric() || "-_+.".contains(c) { c } else { '-' };
+    match name.trim_start_matches('.') {
+        "" => "-".into(),
+        name => name.chars().map(safe).collect(),
+    }
+}
+
 /// The elements of a list; the empty list of the language is nothing in JSON.
 fn list(json: &Json) -> Option<&[Json]> {
     match json {

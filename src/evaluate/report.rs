@@ -14,7 +14,7 @@ use super::page::{self, Section};
 use super::plot::{self, Curve, Group, Series};
 use super::summary::{Column, Comparison, Scope, Table};
 use super::text::{difference, heading, number, p, places_of, signed};
-use super::{Edits, Experiment, Run};
+use super::{Edits, Experiment, Run, file_name};
 
 /// The page with everything.
 pub const PAGE: &str = "report.html";
@@ -156,13 +156,12 @@ fn pictures(table: &Table) -> Vec<(String, String)> {
     let it = &table.experiment;
     let mut all = Vec::new();
     for (at, measure) in it.measures.iter().enumerate() {
-        let name: String =
-            measure.chars().map(|c| if c.is_alphanumeric() || "-_+".contains(c) { c } else { '-' }).collect();
+        let name = file_name(measure);
         if let Some(svg) = boxes(table, at) {
             all.push((name.clone(), svg));
         }
         if let Some(svg) = curves(table, at) {
-            all.push((format!("{name}-by-{}", it.factors[0].replace(['/', '.'], "-")), svg));
+            all.push((format!("{name}-by-{}", file_name(&it.factors[0])), svg));
         }
     }
     all

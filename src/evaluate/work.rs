@@ -97,15 +97,14 @@ fn rehearse(
     watch: &dyn Watch,
 ) -> Result<(), Stop> {
     let unknown = head.unknown();
-    let it = head.experiment.clone();
-    let variants = it.variants.len();
-    watch.begins("rehearsals", it.cells() - unknown.len(), it.cells());
+    let (cells, variants) = (head.experiment.cells(), head.experiment.variants.len());
+    watch.begins("rehearsals", cells - unknown.len(), cells);
     spread(
         program,
         threads,
         unknown.len(),
         &|| watch.goes_on(),
-        |worker, job| worker.rehearse((at, &it), unknown[job] / variants, unknown[job] % variants),
+        |worker, job| worker.rehearse(at, unknown[job] / variants, unknown[job] % variants),
         |job, (edits, tree)| {
             watch.did();
             let cell = unknown[job];

@@ -8,7 +8,7 @@ use serde_json::Value as Json;
 use vm::code::FnId;
 use vm::machine::Progress;
 use vm::persist::SavedTree;
-use vm::value::{Imm, Symbol, Value};
+use vm::value::{Imm, Map, Obj, Symbol, Value};
 
 use super::{Edits, Experiment, Run, Stop, list, texts};
 use crate::rehearse::NoRehearsal;
@@ -17,9 +17,6 @@ use crate::session::{Ended, Options, Output, Session};
 
 /// What stands between the library and this file.
 const STAGE: &str = include_str!("stage.plan");
-
-/// The first seed of rehearsals lies so far from those of runs: what is measured is not what has been chosen by.
-const FAR: u64 = 1_000_003;
 
 /// What is evaluated, and how: all that a thread must know to begin.
 #[derive(Debug, Clone, Default)]
@@ -38,6 +35,10 @@ pub struct Program {
     pub accept: Option<String>,
     /// Under how many seeds is rehearsed, instead of what the experiments say.
     pub seeds: Option<u64>,
+    /// The first seed, instead of what the experiments say.
+    pub seed: Option<u64>,
+    /// How many runs, instead of what the experiments say.
+    pub runs: Option<u64>,
     /// Limits, grants and style.
     pub options: Options,
 }
@@ -127,13 +128,16 @@ impl<'a> Worker<'a> {
     /// The experiments of the program, or of a plan of its `own`, with what is said about them from outside.
     fn find(&mut self, find: FnId, own: Value, program: &Program) -> Result<Vec<Value>, Stop> {
         let variants = program.variants.iter().map(|name| Value::symbol(name));
-        let seeds = program.seeds.map_or(Value::NIL, |n| Value::int(i64::try_from(n).unwrap_or(i64::MAX)));
-        let given = vec![
-            own,
-            Value::list(variants.collect::<Vec<_>>()),
-            program.accept.as_deref().map_or(Value::NIL, Value::symbol),
-            seeds,
+        let number = |it: Option<u64>| it.map_or(Value::NIL, integer);
+        let said = [
+            ("variants", Value::list(variants.collect::<Vec<_>>())),
+            ("accept", program.accept.as_deref().map_or(Value::NIL, Value::symbol)),
+            ("seeds", number(program.seeds)),
+            ("seed", number(program.seed)),
+            ("runs", number(program.runs)),
         ];
+        let said: Map = said.into_iter().map(|(key, value)| (Value::keyword(key), value)).collect();
+        let given = vec![own, Value::new(Obj::Map(Box::new(said)))];
         Ok(self.call(find, given)?.to_vec().unwrap_or_default())
     }
 
@@ -175,13 +179,11 @@ impl<'a> Worker<'a> {
     /// A failure, as text, or that it was stopped.
     pub fn rehearse(
         &mut self,
-        experiment: (usize, &Experiment),
+        experiment: usize,
         case: usize,
         variant: usize,
     ) -> Result<(Edits, Option<SavedTree>), Stop> {
-        let (at, it) = experiment;
-        let seed = it.seed.wrapping_add(1).wrapping_mul(FAR) % (1 << 53);
-        let given = vec![self.experiments[at].clone(), index(case), index(variant), index(seed as usize)];
+        let given = vec![self.experiments[experiment].clone(), integer(case as u64), integer(variant as u64)];
         let value = self.call(self.rehearse, given)?;
         let Some(map) = value.as_map() else { return Ok((Edits::default(), None)) };
         let tree = map.get(&Value::keyword("tree")).and_then(Value::as_tree);
@@ -220,8 +222,8 @@ impl<'a> Worker<'a> {
                 tree
             }
         };
-        let seed_value = Value::int(i64::try_from(seed).unwrap_or(i64::MAX));
-        let given = vec![self.experiments[at].clone(), index(case), index(variant), seed_value, tree];
+        let [case_value, variant_value, seed_value] = [case as u64, variant as u64, seed].map(integer);
+        let given = vec![self.experiments[at].clone(), case_value, variant_value, seed_value, tree];
         let value = self.call(self.run, given).map_err(|stop| match stop {
             Stop::Because(why) => Stop::Because(format!(
                 "the run of {} under seed {seed} could not be measured: {why}",
@@ -269,7 +271,8 @@ fn said(session: &Session, failure: &Value) -> String {
     }
 }
 
-fn index(n: usize) -> Value {
+/// Numbers that are too large for the language are refused before: see [`Experiment::trouble`].
+fn integer(n: u64) -> Value {
     Value::int(i64::try_from(n).unwrap_or(i64::MAX))
 }
 

@@ -95,22 +95,22 @@ error: the rehearsal failed
   × transformation-failure: there is no transformation nobody; there are: lazy lazier
   │ in top-level
   │ name: nobody
-     ╭─[library/transformation.plan:155:7]
- 154 │         (unless (member name names)
- 155 │ ╭─▶       (fail
- 156 │ │          transformation-failure
- 157 │ │          :name name
- 158 │ │          :message
- 159 │ │            (if
- 160 │ │             names
- 161 │ │             (format "there is no transformation ~a; there are: ~a"
- 162 │ │                     name
- 163 │ │                     (string-join (map symbol->string names) " "))
- 164 │ │             (format
- 165 │ │              "there is no transformation ~a, for none is loaded; those of the library are by (use household)"
- 166 │ ├─▶            name))))
+     ╭─[library/transformation.plan:145:7]
+ 144 │         (unless (member name names)
+ 145 │ ╭─▶       (fail
+ 146 │ │          transformation-failure
+ 147 │ │          :name name
+ 148 │ │          :message
+ 149 │ │            (if
+ 150 │ │             names
+ 151 │ │             (format "there is no transformation ~a; there are: ~a"
+ 152 │ │                     name
+ 153 │ │                     (string-join (map symbol->string names) " "))
+ 154 │ │             (format
+ 155 │ │              "there is no transformation ~a, for none is loaded; those of the library are by (use household)"
+ 156 │ ├─▶            name))))
      · ╰──── failed here
- 167 │         name))
+ 157 │         name))
      ╰────
 --- exit 2
 $ pleach transform day.plan --list
@@ -243,15 +243,15 @@ $ pleach transform circle.plan --list
   × transformation-failure: the priorities go in a circle: a before b before a
   │ in top-level
   │ name: a
-     ╭─[library/transformation.plan:229:10]
- 228 │            (let ((name (get (first left) :name)))
- 229 │ ╭─▶          (fail transformation-failure
- 230 │ │                  :name name
- 231 │ │                  :message (format "the priorities go in a circle: ~a"
- 232 │ │                                   (string-join (map symbol->string (%circle name before nil))
- 233 │ ├─▶                                              " before "))))))))
+     ╭─[library/transformation.plan:219:10]
+ 218 │            (let ((name (get (first left) :name)))
+ 219 │ ╭─▶          (fail transformation-failure
+ 220 │ │                  :name name
+ 221 │ │                  :message (format "the priorities go in a circle: ~a"
+ 222 │ │                                   (string-join (map symbol->string (%circle name before nil))
+ 223 │ ├─▶                                              " before "))))))))
      · ╰──── failed here
- 234 │     
+ 224 │     
      ╰────
 --- exit 2
 $ pleach transform fails.plan
@@ -343,11 +343,11 @@ $ pleach transform day.plan --plan nap --arg 1
 error: the rehearsal failed
   × arity-error: `nap` takes 0 arguments, got 1
   │ in top-level
-     ╭─[library/transformation.plan:476:3]
- 475 │ (def-fun %run (state tree seed)
- 476 │   (project (get state :plan) :args (get state :args) :tree tree :seed seed))
+     ╭─[library/transformation.plan:461:3]
+ 460 │ (def-fun %run (state tree seed)
+ 461 │   (project (get state :plan) :args (get state :args) :tree tree :seed seed))
      ·   ────────────────────────────────────┬────────────────────────────────────
      ·                                       ╰── failed here
- 477 │ 
+ 462 │ 
      ╰────
 --- exit 2
