@@ -6,8 +6,9 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use parquet::file::reader::{FileReader as _, SerializedFileReader};
 use parquet::record::RowAccessor as _;
+use pleach::evaluate::export::Format;
 use pleach::evaluate::folder::{self, Head, RUNS, Runs};
-use pleach::evaluate::report::{self, Format};
+use pleach::evaluate::report;
 use pleach::evaluate::summary::Table;
 use pleach::evaluate::work::{Watch, evaluate};
 use pleach::evaluate::worker::{Program, Worker};

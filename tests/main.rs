@@ -4,7 +4,7 @@
 //! the mistakes under `diagnostics/`; [`docs`] all programs in documents and docstrings;
 //! [`clauses`] prints rules as the machine gets them; [`written`] reads back random values, [`saved`] trees of runs; [`limits`] what needs a program too large to be written; [`arrows`] reads the manifests.
 //! [`store`] kills and resumes runs; [`evaluate`] makes tables of many; [`transport`] runs robots over many seeds.
-//! Only [`program`] knows how a program is loaded and run.
+//! Only [`program`] knows how a program is loaded and run, only [`folder`] how the command is called.
 //!
 //! `UPDATE_EXPECT=1` writes what came out over what was expected: read the difference.
 

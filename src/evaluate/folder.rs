@@ -2,6 +2,7 @@
 //!
 //! - `evaluation.json`: what was evaluated, with the edits of each variant
 //! - `runs.csv`: a line for each run, written when it is done; sorted when all are done
+//! - `evaluation.lock`: whoever writes holds it
 //! - `variants.store`: the trees with the edits, for `pleach tree` and `pleach run --store … --tree …`
 //!
 //! Runs are keyed by case, variant and seed. A line that was cut off by the end of a process is dropped, for its run gives

@@ -6,13 +6,14 @@
 //! - [`worker`]: a session that rehearses variants and does runs; one on each thread
 //! - [`spread`]: jobs over threads
 //! - [`work`]: does what is missing of an experiment
-//! - [`folder`]: the runs of an experiment on disk, to be gone on with and merged
+//! - [`folder`]: the runs of an experiment on disk, to be gone on with and merged; [`export`]: in more formats
 //! - [`summary`]: the numbers that compare the variants
 //! - [`text`], [`report`]: the summary for people; [`plot`] and [`page`] draw it
 //!
 //! A run is a function of program, case, variant and seed. Which thread or machine has done it cannot be seen in what it
 //! gives, so a table is the same to the bit wherever it was made.
 
+pub mod export;
 pub mod folder;
 pub mod page;
 pub mod plot;
